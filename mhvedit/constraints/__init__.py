@@ -1,0 +1,1 @@
+"""What must hold between two people in a key segment: interaction, fidelity, visibility."""

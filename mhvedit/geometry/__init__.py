@@ -1,0 +1,1 @@
+"""Arrays in, arrays out: planar poses, voxel lattices, shapes."""

@@ -1,0 +1,1 @@
+"""The best chain of placements over all key segments, and the paths between them."""

@@ -1,0 +1,1 @@
+"""The scene file: checked on loading, written back with its comments."""

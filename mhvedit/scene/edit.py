@@ -1,0 +1,146 @@
+"""The edited scene, complete without the meshes: who shows which captured frame when, and where they stand."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mhvedit.errors import CaptureError
+from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.planar import apply_pose
+from mhvedit.sequences.meshes import Mesh, MeshSequence
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubjectEdit:
+    """One subject through the whole scene."""
+
+    source: IntArray  # (N,) frame numbers of the capture
+    placements: FloatArray  # (N, 3) x, y m and yaw rad: world_from_capture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentEdit:
+    """One key segment in the scene, and the solution chosen for it."""
+
+    name: str
+    start: int  # first frame in the scene
+    stop: int  # past the last
+    interaction: str
+    between: tuple[str, str]
+    distance: float  # L, m
+    theta_a: float  # rad
+    theta_b: float  # rad
+    relative: FloatArray  # (3,) x, y m and yaw rad of B's capture frame in A's
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EditedScene:
+    """What a solve decides."""
+
+    name: str
+    fps: float  # Hz
+    n_frames: int
+    subjects: Mapping[str, SubjectEdit]
+    segments: tuple[SegmentEdit, ...]
+    cost: float  # m^2
+    lower_bound: float  # m^2
+    gap: float  # percent
+
+
+def placed_mesh(scene: EditedScene, captures: Mapping[str, MeshSequence], subject: str, frame: int) -> Mesh:
+    """A subject's mesh in one frame of the scene, in the world.
+
+    Args:
+        scene: the edit.
+        captures: by subject name.
+        subject: name.
+        frame: of the scene, from 0.
+    """
+    edit = scene.subjects[subject]
+    mesh = captures[subject].mesh(int(edit.source[frame]))
+    return Mesh(apply_pose(edit.placements[frame], mesh.vertices), mesh.faces, mesh.labels)
+
+
+def edit_as_dict(scene: EditedScene) -> dict[str, Any]:
+    """The content of `edit.json`."""
+    return {
+        "version": FORMAT,
+        "name": scene.name,
+        "fps": scene.fps,
+        "frames": scene.n_frames,
+        "subjects": {
+            name: {
+                "source": edit.source.tolist(),
+                "x": edit.placements[:, 0].tolist(),
+                "y": edit.placements[:, 1].tolist(),
+                "yaw": edit.placements[:, 2].tolist(),
+            }
+            for name, edit in scene.subjects.items()
+        },
+        "segments": [
+            {
+                "name": s.name,
+                "start": s.start,
+                "stop": s.stop,
+                "interaction": s.interaction,
+                "between": list(s.between),
+                "solution": {"distance": s.distance, "theta_a": s.theta_a, "theta_b": s.theta_b},
+                "relative": {"x": float(s.relative[0]), "y": float(s.relative[1]), "yaw": float(s.relative[2])},
+            }
+            for s in scene.segments
+        ],
+        "cost": scene.cost,
+        "lower_bound": scene.lower_bound,
+        "gap": scene.gap,
+    }
+
+
+def read_edit(path: Path) -> EditedScene:
+    """Read `edit.json`.
+
+    Raises:
+        CaptureError: the file is missing or is not an edit.
+    """
+    try:
+        data = json.loads(path.read_text())
+        if data["version"] != FORMAT:
+            raise CaptureError(path, f"version {FORMAT}", f"version {data['version']}")
+        return _edit_from(data)
+    except FileNotFoundError:
+        raise CaptureError(path, "an edit written by `mhvedit solve`", "no such file") from None
+    except (ValueError, KeyError, TypeError) as fault:
+        if isinstance(fault, CaptureError):
+            raise
+        raise CaptureError(path, "an edit written by `mhvedit solve`", f"{type(fault).__name__}: {fault}") from fault
+
+
+def _edit_from(data: dict[str, Any]) -> EditedScene:
+    subjects = {
+        name: SubjectEdit(
+            np.array(s["source"], np.int64), np.stack([np.array(s[k], np.float64) for k in ("x", "y", "yaw")], 1)
+        )
+        for name, s in data["subjects"].items()
+    }
+    segments = tuple(
+        SegmentEdit(
+            name=s["name"],
+            start=s["start"],
+            stop=s["stop"],
+            interaction=s["interaction"],
+            between=(s["between"][0], s["between"][1]),
+            distance=s["solution"]["distance"],
+            theta_a=s["solution"]["theta_a"],
+            theta_b=s["solution"]["theta_b"],
+            relative=np.array([s["relative"][k] for k in ("x", "y", "yaw")]),
+        )
+        for s in data["segments"]
+    )
+    return EditedScene(
+        data["name"], data["fps"], data["frames"], subjects, segments, data["cost"], data["lower_bound"], data["gap"]
+    )

@@ -1,0 +1,81 @@
+"""The lattice of candidate poses of B beside A, and the window of it that a segment is searched in.
+
+Poses live on one lattice for all segments of two subjects (whole steps of x and y, whole steps of yaw, both from zero in the
+subjects' canonical frames), so that one and the same relative pose is a candidate of every segment. The window of a segment
+is the square around A's root in which B's root may stand; its map has one cell per lattice pose and yaw.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.planar import rotation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseGrid:
+    """Candidate poses of B in A's canonical frame: cell (i, j, k) is ((base[k] + (i, j)) * step, k * yaw_step)."""
+
+    step: float  # m
+    stride: int  # step in voxels
+    n_yaw: int
+    window: float  # m, side of the square
+    root_a: FloatArray  # (2,) m, in A's canonical frame
+    root_b: FloatArray  # (2,) m, in B's canonical frame
+    base: IntArray  # (n_yaw, 2) lattice index, in steps, of cell (0, 0)
+    size: int  # cells along x and along y
+
+    @property
+    def yaws(self) -> FloatArray:
+        """(n_yaw,) rad."""
+        return np.asarray(np.arange(self.n_yaw) * (2 * np.pi / self.n_yaw))
+
+    @property
+    def offsets(self) -> FloatArray:
+        """(size,) nominal place of B's root relative to A's along x (and y) of each cell, m; true to half a step."""
+        return np.asarray((np.arange(self.size) - self.size // 2) * self.step)
+
+    def poses(self, cells: IntArray) -> FloatArray:
+        """Poses of cells.
+
+        Args:
+            cells: (S, 3) i, j, k.
+
+        Returns:
+            (S, 3) x, y m and yaw rad of B in A, canonical frames.
+        """
+        xy = (self.base[cells[:, 2]] + cells[:, :2]) * self.step
+        return np.concatenate([xy, self.yaws[cells[:, 2], None]], 1)
+
+    def roots(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Where B's root stands relative to A's at one yaw: (size,) m along x and along y."""
+        turned = rotation(self.yaws[k]) @ self.root_b - self.root_a
+        along = (self.base[k][:, None] + np.arange(self.size)) * self.step + turned[:, None]
+        return along[0], along[1]
+
+    def inside(self, k: int) -> BoolArray:
+        """(size, size) which cells of one yaw have B's root in the window."""
+        x, y = self.roots(k)
+        limit = self.window / 2 + 1e-9
+        return np.asarray((np.abs(x) <= limit)[:, None] & (np.abs(y) <= limit)[None, :])
+
+
+def pose_grid(
+    root_a: FloatArray, root_b: FloatArray, *, pitch: float, stride: int, n_yaw: int, window: float
+) -> PoseGrid:
+    """The candidate poses of one segment.
+
+    Args:
+        root_a: (2,) m, A's root in its canonical frame.
+        root_b: (2,) m, B's root in its canonical frame.
+        pitch: voxel size, m.
+        stride: step in voxels, at least 1.
+        n_yaw: samples of the full turn.
+        window: side of the square around A's root, m.
+    """
+    step = stride * pitch
+    half = int(np.floor(window / 2 / step + 1e-9)) + 1
+    turned = rotation(np.arange(n_yaw) * (2 * np.pi / n_yaw)) @ root_b
+    base = np.rint((root_a - turned) / step).astype(np.int64) - half
+    return PoseGrid(step, stride, n_yaw, window, root_a, root_b, base, 2 * half + 1)

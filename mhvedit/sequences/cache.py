@@ -1,0 +1,65 @@
+"""Converted copies of frames on disk, so that a second run does not parse text again."""
+
+import logging
+import os
+import threading
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mhvedit.sequences.raw import RawMesh
+
+VERSION: Final = 1  # of the file format and of what the parsers make of a file; part of every key
+_log = logging.getLogger(__name__)
+_DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
+
+
+def cached_mesh(folder: Path, key: str, build: Callable[[], RawMesh]) -> RawMesh:
+    """The mesh of a key: from its file in the folder or, where there is none or it is damaged, built and stored.
+
+    The file holds vertices in the type in which they were read, so what comes back is the same to the last bit.
+    Two processes may do this at once: files are written beside and renamed. A folder that cannot be written to
+    (full, read-only) only costs time and is logged.
+
+    Args:
+        folder: made when needed.
+        key: name of the file; whatever changes the mesh must change the key.
+        build: reads the mesh from the capture; its errors pass through.
+    """
+    file = folder / f"{key}.npz"
+    try:
+        return _read(file)
+    except FileNotFoundError:
+        pass
+    except _DAMAGED as error:
+        _log.warning("%s: damaged cache file is rebuilt (%s: %s)", file, type(error).__name__, error)
+    mesh = build()
+    try:
+        _write(file, mesh)
+    except OSError as error:
+        _log.warning("%s: cache file cannot be written, going on without it (%s)", file, error)
+    return mesh
+
+
+def _read(file: Path) -> RawMesh:
+    """The stored mesh; the zip container checks the sum of every array that is read."""
+    with file.open("rb") as data, np.load(data, allow_pickle=False) as stored:
+        labels = stored["labels"]  # always there, so that a damaged name cannot pass for a mesh without labels
+        return RawMesh(stored["vertices"], stored["faces"], labels if len(labels) else None)
+
+
+def _write(file: Path, mesh: RawMesh) -> None:
+    """Store a mesh: all of it or nothing."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    beside = file.parent / f".{file.stem}.{os.getpid()}.{threading.get_ident()}.tmp"
+    labels = np.zeros(0, np.int32) if mesh.labels is None else mesh.labels
+    try:
+        with beside.open("wb") as out:
+            np.savez(out, allow_pickle=False, vertices=mesh.vertices, faces=mesh.faces, labels=labels)
+        os.replace(beside, file)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,77 @@
+"""Triangle meshes and sequences of them: one data model behind one door."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from mhvedit.errors import MissingFrame, ShapeError
+from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """One frame of a capture, in metres and z up; connectivity is its own."""
+
+    vertices: FloatArray  # (V, 3) m
+    faces: Int32Array  # (F, 3) indices into vertices
+    labels: Int32Array | None = None  # (V,) the integer vertex property `part`, where the file has one
+
+    def __post_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
+            raise ShapeError("vertices", self.vertices.shape, "(V, 3)")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            raise ShapeError("faces", self.faces.shape, "(F, 3)")
+        if self.labels is not None and self.labels.shape != self.vertices.shape[:1]:
+            raise ShapeError("labels", self.labels.shape, self.vertices.shape[:1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshSequence:
+    """A capture of one subject: frame numbers and a way to read each frame when it is needed."""
+
+    name: str
+    numbers: tuple[int, ...]  # ascending, as in the file names; gaps are kept
+    fps: float  # Hz
+    load: Callable[[int], Mesh]  # frame number -> mesh in metres, z up
+    files: tuple[Path, ...] = ()  # the file of each frame, or the one that holds all; where it came from files
+
+    def mesh(self, number: int) -> Mesh:
+        """Read one frame.
+
+        Args:
+            number: frame number, as in the file names.
+
+        Raises:
+            MissingFrame: the capture has no such frame.
+            CaptureError: the frame cannot be read.
+        """
+        if number not in self.numbers:
+            raise MissingFrame(self.name, number, self.numbers)
+        return self.load(number)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointTracks:
+    """Where named joints are in each frame, in metres and z up, in the frame of the capture's meshes."""
+
+    numbers: IntArray  # (T,) frame numbers, ascending
+    joints: tuple[str, ...]  # (J,)
+    positions: FloatArray  # (T, J, 3) m; NaN where a frame has no such joint
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facing:
+    """Which way a subject's body faces in each frame: the horizontal normal of hips and shoulders."""
+
+    numbers: IntArray  # (T,) frame numbers
+    yaw: FloatArray  # (T,) rad about z, from +x, in the capture's frame
+    trust: FloatArray  # (T,) 0 .. 1; 1 where it was given
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gaze:
+    """Where a subject's eyes are and where they look in each frame."""
+
+    numbers: IntArray  # (T,) frame numbers
+    eye: FloatArray  # (T, 3) m, midpoint of the eyes
+    direction: FloatArray  # (T, 3) unit

@@ -1,0 +1,222 @@
+"""Where frames come from: a folder of numbered files or one .npz; frame numbers are known before meshes are read."""
+
+import hashlib
+import re
+import threading
+import zipfile
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mhvedit.errors import CaptureError
+from mhvedit.geometry.arrays import IntArray
+from mhvedit.sequences.formats import PARSERS, parse_mesh
+from mhvedit.sequences.raw import RawMesh, checked_mesh
+
+
+class FrameSource(Protocol):
+    """A capture on disk; can be pickled, so that other processes can read from it."""
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Frame numbers, ascending."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file of each frame, or the one file that holds all."""
+
+    @property
+    def fps(self) -> float | None:
+        """Frames a second, where the capture itself says so."""
+
+    def opened(self, number: int) -> tuple[str, Any]:
+        """What identifies the content of a frame, and what `parsed` needs to go on."""
+
+    def parsed(self, number: int, opened: Any) -> RawMesh:  # noqa: ANN401 - each source passes its own thing to itself
+        """The mesh of a frame."""
+
+
+class FolderSource:
+    """A folder of numbered mesh files."""
+
+    fps = None
+
+    def __init__(self, folder: Path) -> None:
+        self._by_number = numbered_files(folder)
+        self.numbers = tuple(self._by_number)
+        self.files = tuple(self._by_number.values())
+
+    def opened(self, number: int) -> tuple[str, bytes]:
+        """A hash of the file's content and format, and the content."""
+        file = self._by_number[number]
+        try:
+            data = file.read_bytes()
+        except OSError as error:
+            raise CaptureError(file, "a file that can be read", str(error.strerror)) from error
+        return f"{file.suffix.lower()}:{hashlib.blake2b(data, digest_size=20).hexdigest()}", data
+
+    def parsed(self, number: int, opened: bytes) -> RawMesh:
+        """The mesh of one file."""
+        return parse_mesh(opened, self._by_number[number])
+
+
+def numbered_files(folder: Path) -> dict[int, Path]:
+    """Mesh files by frame number, which is the last run of digits in the name; all other files are left alone.
+
+    Raises:
+        CaptureError: no such folder, no numbered mesh in it, two formats, or one number twice.
+    """
+    found: dict[int, Path] = {}
+    try:
+        files = sorted(folder.iterdir())
+    except OSError as error:
+        raise CaptureError(folder, "a folder that can be read", str(error.strerror)) from error
+    for file in files:
+        digits = re.findall(r"\d+", file.stem)
+        if not digits or file.name.startswith(".") or file.suffix.lower() not in PARSERS or file.is_dir():
+            continue
+        number, first = int(digits[-1]), next(iter(found.values()), file)
+        if file.suffix.lower() != first.suffix.lower():
+            raise CaptureError(folder, "meshes of one format", f"{first.name} and {file.name}")
+        if number in found:
+            raise CaptureError(folder, "each frame number once", f"{found[number].name} and {file.name}")
+        found[number] = file
+    if not found:
+        what = f"{len(files)} other files ({files[0].name} ...)" if files else "an empty folder"
+        raise CaptureError(folder, "numbered files like body_0001 ending in " + " ".join(PARSERS), what)
+    return dict(sorted(found.items()))
+
+
+class NpzSource:
+    """One .npz as the contract describes it; its arrays are read when the first frame is asked for, and kept."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._lock, self._arrays = path, threading.Lock(), dict[str, NDArray[Any]]()
+        small, shapes = _npz_overview(path)
+        self._rows = {"vertices": _offsets(small["vertex_counts"]), "faces": _offsets(small["face_counts"])}
+        _check_npz(path, small, shapes)
+        numbers = small.get("frame_numbers", np.arange(len(small["vertex_counts"]))).astype(np.int64)
+        self._place = {int(numbers[i]): int(i) for i in np.argsort(numbers, kind="stable")}
+        self.numbers, self.files = tuple(self._place), (path,)
+        self.fps = float(small["fps"].reshape(-1)[0]) if "fps" in small else None
+
+    def __reduce__(self) -> tuple[type["NpzSource"], tuple[Path]]:
+        """Another process opens the file for itself."""
+        return NpzSource, (self._path,)
+
+    def opened(self, number: int) -> tuple[str, None]:
+        """The file's place, size and time of change, and the frame."""
+        return f"{file_stamp(self._path)}:{number}", None
+
+    def parsed(self, number: int, opened: None) -> RawMesh:
+        """One frame; integers become metres by scale and origin."""
+        i, arrays = self._place[number], self._all()
+        where = f"{self._path}: frame {number}"
+        v, f = (slice(*self._rows[name][i : i + 2]) for name in ("vertices", "faces"))
+        vertices = arrays["vertices"][v]
+        if "scale" in arrays:
+            vertices = vertices.astype(np.float64) * arrays["scale"].reshape(-1) + arrays["origin"]
+        labels = arrays["labels"][v] if "labels" in arrays else None
+        return checked_mesh(where, vertices, arrays["faces"][f], labels)
+
+    def _all(self) -> dict[str, NDArray[Any]]:
+        """The arrays, read once."""
+        with self._lock:
+            if not self._arrays:
+                try:
+                    with self._path.open("rb") as data, np.load(data, allow_pickle=False) as stored:
+                        wanted = {"vertices", "faces", "scale", "origin", "labels"}
+                        self._arrays = {name: stored[name] for name in wanted & set(stored.files)}
+                except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+                    raise CaptureError(self._path, "a readable .npz", f"{type(error).__name__}: {error}") from error
+            return self._arrays
+
+
+def _npz_overview(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, tuple[int, ...]]]:
+    """The small arrays, and shape and type of the large ones from their headers."""
+    small, shapes = dict[str, NDArray[Any]](), dict[str, tuple[int, ...]]()
+    try:
+        with path.open("rb") as data, np.load(data, allow_pickle=False) as stored, zipfile.ZipFile(path) as container:
+            missing = {"vertices", "faces", "vertex_counts", "face_counts"} - set(stored.files)
+            if missing:
+                held = ", ".join(sorted(stored.files)) or "nothing"
+                raise CaptureError(path, f"an array called {min(missing)}", held)
+            for name in stored.files:
+                if name in ("vertices", "faces", "labels"):
+                    with container.open(f"{name}.npy") as member:
+                        shapes[name], kind = _array_header(member)
+                        small[f"type of {name}"] = np.zeros(0, kind)
+                elif name in ("vertex_counts", "face_counts", "frame_numbers", "fps", "scale", "origin"):
+                    small[name] = stored[name]
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        if isinstance(error, CaptureError):
+            raise
+        raise CaptureError(path, "a readable .npz", f"{type(error).__name__}: {error}") from error
+    return small, shapes
+
+
+def _array_header(member: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:  # noqa: ANN401 - any open binary file
+    """Shape and type from the start of a .npy file."""
+    version = np.lib.format.read_magic(member)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, kind = read(member)
+    return tuple(shape), kind
+
+
+def _check_npz(path: Path, small: dict[str, NDArray[Any]], shapes: dict[str, tuple[int, ...]]) -> None:
+    """Refuse arrays that do not fit together.
+
+    Raises:
+        CaptureError: naming the array, what was expected and what is there.
+    """
+    n = len(np.atleast_1d(small["vertex_counts"]))
+    rows = {"vertices": int(small["vertex_counts"].sum()), "faces": int(small["face_counts"].sum())}
+    wanted = {name: (rows[name], 3) for name in rows} | {"labels": (rows["vertices"],)}
+    kinds = {name: small[f"type of {name}"].dtype for name in shapes}
+    checks: list[tuple[str, bool, object]] = [
+        (f"{name} of shape {wanted[name]}", shapes[name] == wanted[name], shapes[name]) for name in shapes
+    ]
+    for name in ("vertex_counts", "face_counts", "frame_numbers"):
+        if name in small:
+            a = small[name]
+            checks.append((f"{n} integers in {name}", a.shape == (n,) and a.dtype.kind in "iu", f"{a.dtype} {a.shape}"))
+    checks += [
+        ("at least one frame", n > 0, "none"),
+        ("numbers in vertices", kinds["vertices"].kind in "iuf", kinds["vertices"]),
+        ("integers in faces", kinds["faces"].kind in "iu", kinds["faces"]),
+        ("scale and origin, as vertices are integers", kinds["vertices"].kind == "f" or "scale" in small, "no scale"),
+    ]
+    if "scale" in small:
+        origin = small.get("origin", np.zeros(0))
+        checks.append(("one scale", small["scale"].size == 1, small["scale"].shape))
+        checks.append(("an origin of 3 numbers", origin.shape == (3,), origin.shape))
+    if "fps" in small:
+        fps = small["fps"]
+        checks.append(("one positive fps", fps.size == 1 and bool((fps > 0).all()), fps))
+    for expected, good, found in checks:
+        if not good:
+            raise CaptureError(path, expected, str(found))
+    _check_numbers(path, small)
+
+
+def _check_numbers(path: Path, small: dict[str, NDArray[Any]]) -> None:
+    """Refuse negative counts and frame numbers that come twice."""
+    if (small["vertex_counts"] < 0).any() or (small["face_counts"] < 0).any():
+        raise CaptureError(path, "counts of 0 or more", "a negative one")
+    if "frame_numbers" in small:
+        values, times = np.unique(small["frame_numbers"], return_counts=True)
+        if (times > 1).any():
+            raise CaptureError(path, "each frame number once", f"{values[times > 1][0]} twice")
+
+
+def _offsets(counts: NDArray[Any]) -> IntArray:
+    """Where each frame starts, and where the last ends."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def file_stamp(path: Path) -> str:
+    """Place, size and time of change of a file that is too large to be hashed for every frame."""
+    state = path.stat()
+    return f"{path.resolve()}:{state.st_size}:{state.st_mtime_ns}"

@@ -1,0 +1,1 @@
+"""Skeletons: BVH in, joint positions out."""

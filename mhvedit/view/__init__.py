@@ -1,0 +1,1 @@
+"""Pictures and the report; the only package that imports pyvista and matplotlib."""

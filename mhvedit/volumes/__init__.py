@@ -1,0 +1,1 @@
+"""Voxels: solid meshes, motion history volumes, interest volumes, surface labels."""

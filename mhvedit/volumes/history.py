@@ -1,0 +1,246 @@
+"""The augmented motion history volume: in which frames of a key segment each voxel was filled (Shi et al., eq. 2).
+
+The paper keeps the first and the last frame of each voxel. Here the whole set of frames is kept, one bit a frame, so that
+a motion may re-enter a voxel, and a test over all frames at once is a bitwise AND; the interval is a view of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mhvedit.errors import ShapeError
+from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
+from mhvedit.geometry.grid import VoxelGrid, ball_offsets, cropped, united
+
+NEVER = -1  # t_start and t_end of a voxel that is never filled
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionHistoryVolume:
+    """In which frames of one key segment each voxel was filled (Shi et al., eq. 2, with the whole set of frames)."""
+
+    grid: VoxelGrid
+    frames: Words  # (X, Y, Z, W) uint64, bit i of word w: frame 64 w + i
+    n_frames: int  # tau
+
+    def __post_init__(self) -> None:
+        expected = (*self.grid.shape, word_count(self.n_frames))
+        if self.frames.shape != expected:
+            raise ShapeError("frames", self.frames.shape, expected)
+
+    @property
+    def last(self) -> int:
+        """T_end: the last frame of the segment."""
+        return self.n_frames - 1
+
+    @property
+    def filled(self) -> BoolArray:
+        """(X, Y, Z) voxels that are filled in some frame."""
+        return np.asarray((self.frames != 0).any(-1))
+
+    @property
+    def t_start(self) -> Int32Array:
+        """(X, Y, Z) first frame in which each voxel is filled; NEVER where there is none."""
+        return _first_bits(self.frames)
+
+    @property
+    def t_end(self) -> Int32Array:
+        """(X, Y, Z) last frame in which each voxel is filled; NEVER where there is none."""
+        return _last_bits(self.frames)
+
+    @property
+    def centre(self) -> FloatArray:
+        """(3,) centre of gravity of all voxels that are ever filled, m (Shi et al., section 3.1: C)."""
+        where = np.argwhere(self.filled)
+        if len(where) == 0:
+            return np.full(3, np.nan)
+        return np.asarray((where.mean(0) + np.array(self.grid.start)) * self.grid.pitch)
+
+    def at(self, frame: int) -> BoolArray:
+        """(X, Y, Z) voxels that are filled in one frame."""
+        return np.asarray(self.frames[..., frame // 64] >> np.uint64(frame % 64) & np.uint64(1), bool)
+
+
+def word_count(n_frames: int) -> int:
+    """How many 64-bit words hold one bit a frame."""
+    return max(1, -(-n_frames // 64))
+
+
+def frame_mask(n_frames: int, frames: range) -> Words:
+    """(W,) words in which the bits of the given frames are set.
+
+    >>> [hex(int(word)) for word in frame_mask(70, range(2, 66))]
+    ['0xfffffffffffffffc', '0x3']
+    """
+    bits = np.zeros(word_count(n_frames) * 64, np.uint8)
+    bits[list(frames)] = 1
+    return np.packbits(bits, bitorder="little").view("<u8").astype(np.uint64)
+
+
+def history(volumes: Sequence[tuple[VoxelGrid, BoolArray]]) -> MotionHistoryVolume:
+    """Stack the filled voxels of successive frames (Shi et al., eq. 2).
+
+    Args:
+        volumes: per frame its box and (X, Y, Z) which voxels are filled; frames may be empty.
+
+    Returns:
+        The volume, on the smallest box around everything that is ever filled.
+    """
+    boxes = [cropped(filled, grid) for grid, filled in volumes]
+    occupied = [box for box, (_, filled) in zip(boxes, volumes, strict=True) if filled.any()]
+    grid = united(occupied or boxes[:1])
+    frames = np.zeros((*grid.shape, word_count(len(volumes))), np.uint64)
+    for i, (box, (outer, filled)) in enumerate(zip(boxes, volumes, strict=True)):
+        if filled.any():
+            inside = np.ascontiguousarray(filled[box.slices_in(outer)])
+            _set_bit(frames[box.slices_in(grid)], inside, i // 64, np.uint64(1) << np.uint64(i % 64))
+    return MotionHistoryVolume(grid, frames, len(volumes))
+
+
+def on_grid(volume: MotionHistoryVolume, grid: VoxelGrid) -> MotionHistoryVolume:
+    """The same volume on a box that contains its own."""
+    if grid == volume.grid:
+        return volume
+    frames = np.zeros((*grid.shape, volume.frames.shape[-1]), np.uint64)
+    frames[volume.grid.slices_in(grid)] = volume.frames
+    return MotionHistoryVolume(grid, frames, volume.n_frames)
+
+
+def trimmed(volume: MotionHistoryVolume) -> MotionHistoryVolume:
+    """The same volume on the smallest box around what is ever filled."""
+    grid = cropped(volume.filled, volume.grid)
+    frames = np.ascontiguousarray(volume.frames[grid.slices_in(volume.grid)])
+    return MotionHistoryVolume(grid, frames, volume.n_frames)
+
+
+def union(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
+    """Filled where either is."""
+    grid = united([a.grid, b.grid])
+    return MotionHistoryVolume(grid, on_grid(a, grid).frames | on_grid(b, grid).frames, a.n_frames)
+
+
+def difference(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
+    """Filled where a is and b is not, frame by frame."""
+    return _where_both(a, b, invert=True)
+
+
+def intersection(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
+    """Filled where both are, frame by frame."""
+    return _where_both(a, b, invert=False)
+
+
+def dilated(volume: MotionHistoryVolume, radius: float) -> MotionHistoryVolume:
+    """Filled in a frame where some voxel within a distance is (centre to centre).
+
+    Args:
+        volume: to dilate.
+        radius: in voxels; below 1 nothing changes.
+    """
+    offsets = ball_offsets(radius)
+    if len(offsets) == 1:
+        return volume
+    reach = int(radius)
+    start, shape = volume.grid.start, volume.grid.shape
+    grid = VoxelGrid(
+        (start[0] - reach, start[1] - reach, start[2] - reach),
+        (shape[0] + 2 * reach, shape[1] + 2 * reach, shape[2] + 2 * reach),
+        volume.grid.pitch,
+    )
+    frames = np.zeros((*grid.shape, volume.frames.shape[-1]), np.uint64)
+    _spread(volume.frames, offsets + reach, frames)
+    return MotionHistoryVolume(grid, frames, volume.n_frames)
+
+
+def eroded(volume: MotionHistoryVolume, radius: float) -> MotionHistoryVolume:
+    """Filled in a frame where every voxel within a distance is (centre to centre).
+
+    Args:
+        volume: to erode.
+        radius: in voxels; below 1 nothing changes.
+    """
+    offsets = ball_offsets(radius)
+    if len(offsets) == 1:
+        return volume
+    return trimmed(MotionHistoryVolume(volume.grid, _shrink(volume.frames, offsets), volume.n_frames))
+
+
+def from_bits(volume: MotionHistoryVolume, frames: Words) -> MotionHistoryVolume:
+    """Other bits on the box of a volume, trimmed."""
+    return trimmed(MotionHistoryVolume(volume.grid, frames, volume.n_frames))
+
+
+def _where_both(a: MotionHistoryVolume, b: MotionHistoryVolume, *, invert: bool) -> MotionHistoryVolume:
+    grid = united([a.grid, b.grid])
+    other = on_grid(b, grid).frames[a.grid.slices_in(grid)]
+    return MotionHistoryVolume(a.grid, a.frames & (~other if invert else other), a.n_frames)
+
+
+@njit(cache=True, nogil=True)
+def _set_bit(frames: Words, filled: BoolArray, word: int, bit: np.uint64) -> None:
+    for x in range(filled.shape[0]):
+        for y in range(filled.shape[1]):
+            for z in range(filled.shape[2]):
+                if filled[x, y, z]:
+                    frames[x, y, z, word] |= bit
+
+
+@njit(cache=True, nogil=True)
+def _first_bits(frames: Words) -> Int32Array:
+    out = np.full(frames.shape[:3], -1, np.int32)
+    for x, y, z in np.ndindex(frames.shape[:3]):
+        for w in range(frames.shape[3]):
+            word = frames[x, y, z, w]
+            if word != 0:
+                bit = 0
+                while not (word >> np.uint64(bit)) & np.uint64(1):
+                    bit += 1
+                out[x, y, z] = 64 * w + bit
+                break
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _last_bits(frames: Words) -> Int32Array:
+    out = np.full(frames.shape[:3], -1, np.int32)
+    for x, y, z in np.ndindex(frames.shape[:3]):
+        for w in range(frames.shape[3] - 1, -1, -1):
+            word = frames[x, y, z, w]
+            if word != 0:
+                bit = 63
+                while not (word >> np.uint64(bit)) & np.uint64(1):
+                    bit -= 1
+                out[x, y, z] = 64 * w + bit
+                break
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _spread(frames: Words, offsets: IntArray, out: Words) -> None:
+    n_words = frames.shape[3]
+    for x, y, z in np.ndindex(frames.shape[:3]):
+        for w in range(n_words):
+            word = frames[x, y, z, w]
+            if word != 0:
+                for o in range(offsets.shape[0]):
+                    out[x + offsets[o, 0], y + offsets[o, 1], z + offsets[o, 2], w] |= word
+
+
+@njit(cache=True, nogil=True)
+def _shrink(frames: Words, offsets: IntArray) -> Words:
+    n_x, n_y, n_z, n_words = frames.shape
+    out = np.zeros(frames.shape, np.uint64)
+    for x, y, z in np.ndindex(frames.shape[:3]):
+        for w in range(n_words):
+            word = frames[x, y, z, w]
+            for o in range(offsets.shape[0]):
+                if word == 0:
+                    break
+                i, j, k = x + offsets[o, 0], y + offsets[o, 1], z + offsets[o, 2]
+                if i < 0 or j < 0 or k < 0 or i >= n_x or j >= n_y or k >= n_z:
+                    word = np.uint64(0)
+                else:
+                    word &= frames[i, j, k, w]
+            out[x, y, z, w] = word
+    return out

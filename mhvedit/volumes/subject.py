@@ -1,0 +1,119 @@
+"""Everything solid about one subject in one key segment: body, things held, and the named parts of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mhvedit.geometry.arrays import BoolArray, FloatArray
+from mhvedit.geometry.grid import VoxelGrid
+from mhvedit.sequences.canonical import in_canonical_frame
+from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.volumes.history import MotionHistoryVolume, difference, eroded, history, intersection, union
+from mhvedit.volumes.parts import OwnMesh, Part, select_voxels
+from mhvedit.volumes.voxelise import solid_voxels
+
+BODY = "body"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartVolume:
+    """A named part through one segment, and the solid that it is cut from."""
+
+    volume: MotionHistoryVolume
+    solid: str  # name of a solid of the subject
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubjectVolumes:
+    """A subject through one segment, in its canonical frame: `body` and things with meshes of their own are its solids."""
+
+    solids: Mapping[str, MotionHistoryVolume]
+    parts: Mapping[str, PartVolume]  # `body` and every part that the segment names
+
+    @property
+    def body(self) -> MotionHistoryVolume:
+        """The captured mesh."""
+        return self.solids[BODY]
+
+
+def subject_volumes(
+    sequence: MeshSequence,
+    parts: Mapping[str, Part],
+    *,
+    numbers: tuple[int, ...],
+    pose: FloatArray,
+    pitch: float,
+    wanted: frozenset[str],
+) -> SubjectVolumes:
+    """Voxelise one subject in the frames of one segment.
+
+    Args:
+        sequence: the capture.
+        parts: its named parts; those with meshes of their own are always voxelised, they are solid.
+        numbers: (tau,) frame numbers, retimed.
+        pose: (3,) capture_from_canonical.
+        pitch: voxel size, m.
+        wanted: names of the parts to cut out.
+    """
+    own = {name: part.sequence for name, part in parts.items() if isinstance(part, OwnMesh)}
+    cut = {name: part for name, part in parts.items() if name in wanted and not isinstance(part, OwnMesh)}
+    frames: list[tuple[VoxelGrid, BoolArray]] = []
+    selected: dict[str, list[tuple[VoxelGrid, BoolArray]]] = {name: [] for name in cut}
+    for number in numbers:
+        mesh = sequence.mesh(number)
+        grid, filled = solid_voxels(in_canonical_frame(mesh, pose), pitch)
+        frames.append((grid, filled))
+        for name, part in cut.items():
+            chosen = select_voxels(part, grid, filled, mesh=mesh, number=number, pose=pose)
+            selected[name].append((grid, chosen))
+    solids = {BODY: history(frames)}
+    for name, thing in own.items():
+        solids[name] = history([solid_voxels(in_canonical_frame(thing.mesh(n), pose), pitch) for n in numbers])
+    volumes = {BODY: PartVolume(solids[BODY], BODY)}
+    volumes |= {name: PartVolume(history(chosen), BODY) for name, chosen in selected.items()}
+    volumes |= {name: PartVolume(solids[name], name) for name in own}
+    return SubjectVolumes(solids, volumes)
+
+
+def part_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
+    """A named part."""
+    return subject.parts[name].volume
+
+
+def deep_part_of(subject: SubjectVolumes, name: str, radius: float) -> MotionHistoryVolume:
+    """What of a named part lies deeper than a radius (voxels, centre to nearest empty centre) in the solid it is cut from."""
+    part = subject.parts[name]
+    return intersection(part.volume, eroded(subject.solids[part.solid], radius))
+
+
+def rest_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
+    """All that is solid about a subject but a named part."""
+    return _without(subject, name, subject.solids)
+
+
+def deep_rest_of(subject: SubjectVolumes, name: str, radius: float) -> MotionHistoryVolume:
+    """What of the rest lies deeper than a radius (voxels) in the solid that it belongs to."""
+    return _without(subject, name, {key: eroded(solid, radius) for key, solid in subject.solids.items()})
+
+
+def all_of(subject: SubjectVolumes) -> MotionHistoryVolume:
+    """All that is solid about a subject."""
+    return _united(list(subject.solids.values()))
+
+
+def deep_all_of(subject: SubjectVolumes, radius: float) -> MotionHistoryVolume:
+    """What lies deeper than a radius (voxels) in any solid of a subject."""
+    return _united([eroded(solid, radius) for solid in subject.solids.values()])
+
+
+def _without(
+    subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]
+) -> MotionHistoryVolume:
+    part = subject.parts[name]
+    return _united([difference(s, part.volume) if key == part.solid else s for key, s in solids.items()])
+
+
+def _united(volumes: list[MotionHistoryVolume]) -> MotionHistoryVolume:
+    whole = volumes[0]
+    for volume in volumes[1:]:
+        whole = union(whole, volume)
+    return whole

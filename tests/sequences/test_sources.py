@@ -1,0 +1,168 @@
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mhvedit.errors import CaptureError
+from mhvedit.sequences.raw import RawMesh
+from mhvedit.sequences.sources import FolderSource, FrameSource, NpzSource
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n"
+
+
+def raw(source: FrameSource, number: int) -> RawMesh:
+    return source.parsed(number, source.opened(number)[1])
+
+
+def folder(tmp_path: Path, *names: str) -> Path:
+    for name in names:
+        (tmp_path / name).write_text(TRIANGLE)
+    return tmp_path
+
+
+def test_the_last_digits_are_the_frame_number(tmp_path: Path) -> None:
+    source = FolderSource(folder(tmp_path, "take2_0010.obj", "take2_0009.OBJ", "v1_take_3_final.obj", "take2_100x.obj"))
+    assert source.numbers == (3, 9, 10, 100)
+    assert [f.name for f in source.files] == [
+        "v1_take_3_final.obj",
+        "take2_0009.OBJ",
+        "take2_0010.obj",
+        "take2_100x.obj",
+    ]
+    assert len(raw(source, 9).faces) == 1
+
+
+def test_other_files_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "a_0007.obj").mkdir()
+    names = ("a_1.obj", "a.mtl", "a_1.png", "floor.ply", "._a_2.obj", ".a_3.ply", "notes_2024.txt", "track.csv")
+    assert FolderSource(folder(tmp_path, *names)).numbers == (1,)
+
+
+def test_nothing_is_read_before_a_frame_is_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "a_1.obj").write_bytes(b"never a mesh")
+    source = FolderSource(tmp_path)
+    with pytest.raises(CaptureError, match=r"a_1.obj: expected at least one face"):
+        raw(source, 1)
+
+
+def test_empty_folder(tmp_path: Path) -> None:
+    with pytest.raises(
+        CaptureError, match=r"expected numbered files like body_0001 ending in .obj .*, found an empty folder"
+    ):
+        FolderSource(tmp_path)
+    with pytest.raises(CaptureError, match=r"found 2 other files \(a.mtl ...\)"):
+        FolderSource(folder(tmp_path, "a.mtl", "body.obj"))
+
+
+def test_mixed_formats_and_double_numbers_name_both_files(tmp_path: Path) -> None:
+    (tmp_path / "m").mkdir()
+    with pytest.raises(CaptureError, match=r"expected meshes of one format, found a_1.obj and a_2.ply"):
+        FolderSource(folder(tmp_path / "m", "a_1.obj", "a_2.ply"))
+    with pytest.raises(CaptureError, match=r"expected each frame number once, found a_01.obj and a_1.obj"):
+        FolderSource(folder(tmp_path, "a_1.obj", "a_01.obj"))
+
+
+def test_a_file_that_went_away(tmp_path: Path) -> None:
+    source = FolderSource(folder(tmp_path, "a_1.obj"))
+    (tmp_path / "a_1.obj").unlink()
+    with pytest.raises(CaptureError, match=r"a_1.obj: expected a file that can be read, found No such file"):
+        raw(source, 1)
+
+
+def arrays(**changes: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Two frames: a triangle and a square."""
+    held = {
+        "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], np.float32),
+        "faces": np.array([[0, 1, 2], [0, 1, 2], [0, 2, 3]]),
+        "vertex_counts": np.array([3, 4]),
+        "face_counts": np.array([1, 2]),
+        "fps": 25.0,
+    } | changes
+    return {name: value for name, value in held.items() if value is not None}
+
+
+def npz(tmp_path: Path, **changes: Any) -> Path:  # noqa: ANN401
+    np.savez_compressed(tmp_path / "a.npz", **arrays(**changes))
+    return tmp_path / "a.npz"
+
+
+def test_npz_frames(tmp_path: Path) -> None:
+    source = NpzSource(npz(tmp_path))
+    assert source.numbers == (0, 1) and source.fps == 25.0
+    assert raw(source, 1).faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert raw(source, 0).vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 1]]
+    assert raw(source, 0).vertices.dtype == np.float32
+
+
+def test_npz_with_numbers_labels_and_integers(tmp_path: Path) -> None:
+    path = npz(
+        tmp_path,
+        frame_numbers=np.array([12, 7]),
+        labels=np.arange(7, dtype=np.uint8),
+        vertices=np.arange(21, dtype=np.int16).reshape(7, 3),
+        scale=0.001,
+        origin=np.array([1.0, 2.0, 3.0]),
+        fps=None,
+    )
+    source = NpzSource(path)
+    assert source.numbers == (7, 12) and source.fps is None
+    mesh = raw(source, 7)
+    assert (mesh.vertices == np.arange(9, 21).reshape(4, 3) * 0.001 + [1.0, 2.0, 3.0]).all()
+    assert mesh.labels is not None and mesh.labels.tolist() == [3, 4, 5, 6]
+
+
+def test_sources_go_to_other_processes(tmp_path: Path) -> None:
+    source = pickle.loads(pickle.dumps(NpzSource(npz(tmp_path))))
+    assert len(raw(source, 1).faces) == 2
+    again = pickle.loads(pickle.dumps(FolderSource(folder(tmp_path, "a_4.obj"))))
+    assert len(raw(again, 4).faces) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"faces": None}, "expected an array called faces, found face_counts, fps, vertex_counts, vertices"),
+        ({"vertex_counts": np.array([3, 5])}, r"expected vertices of shape \(8, 3\), found \(7, 3\)"),
+        ({"face_counts": np.array([1, 1])}, r"expected faces of shape \(2, 3\), found \(3, 3\)"),
+        ({"face_counts": np.array([3])}, r"expected 2 integers in face_counts, found int64 \(1,\)"),
+        ({"face_counts": np.array([4, -1])}, "expected counts of 0 or more, found a negative one"),
+        ({"frame_numbers": np.array([5, 5])}, "expected each frame number once, found 5 twice"),
+        ({"frame_numbers": np.array([0.0, 1.0])}, r"expected 2 integers in frame_numbers, found float64 \(2,\)"),
+        (
+            {"vertices": np.zeros((7, 3), np.int16)},
+            "expected scale and origin, as vertices are integers, found no scale",
+        ),
+        ({"vertices": np.zeros((7, 3), np.int16), "scale": 0.1}, r"expected an origin of 3 numbers, found \(0,\)"),
+        ({"faces": np.zeros((3, 3))}, "expected integers in faces, found float64"),
+        ({"labels": np.zeros(3, int)}, r"expected labels of shape \(7,\), found \(3,\)"),
+        ({"fps": 0.0}, "expected one positive fps, found 0.0"),
+    ],
+)
+def test_npz_that_does_not_fit_together(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaptureError, match="a.npz: " + message):
+        NpzSource(npz(tmp_path, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"face_counts": np.array([0, 3])}, "frame 0: expected at least one face"),
+        ({"faces": np.full((3, 3), 3)}, "frame 0: expected face indices from 0 to 2"),
+        ({"vertices": np.full((7, 3), np.nan)}, "frame 0: expected finite vertices"),
+    ],
+)
+def test_npz_frames_that_cannot_be_used_are_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaptureError, match="a.npz: " + message):
+        raw(NpzSource(npz(tmp_path, **changes)), 0)
+
+
+def test_npz_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(b"never an archive")
+    with pytest.raises(CaptureError, match=r"a.npz: expected a readable .npz, found "):
+        NpzSource(tmp_path / "a.npz")
+    path = npz(tmp_path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(CaptureError, match=r"a.npz: expected a readable .npz, found "):
+        NpzSource(path)

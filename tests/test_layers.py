@@ -1,0 +1,50 @@
+"""The house table: a package imports only those below it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "mhvedit"
+BASE = {"errors", "geometry"}
+MAY_IMPORT = {
+    "errors": set(),
+    "geometry": set(),
+    "sequences": set(),
+    "volumes": {"sequences"},
+    "constraints": {"sequences", "volumes"},
+    "search": {"volumes", "constraints"},
+    "optimise": {"sequences", "search"},
+    "scene": {"sequences", "optimise", "constraints"},
+    "skeleton": {"sequences"},
+    "view": {"sequences", "volumes", "constraints", "search", "optimise", "scene"},
+    "project": {"sequences", "volumes", "constraints", "skeleton"},
+}
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_a_package_imports_only_what_the_table_allows(package: str) -> None:
+    allowed = MAY_IMPORT[package] | BASE | {package}
+    for path in _modules(package):
+        for imported in _imports(path):
+            assert imported in allowed, f"{path.relative_to(PACKAGE)} imports {imported}"
+
+
+def test_every_package_is_in_the_table() -> None:
+    found = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
+    assert found <= set(MAY_IMPORT), found - set(MAY_IMPORT)
+
+
+def _modules(package: str) -> list[Path]:
+    single = PACKAGE / f"{package}.py"
+    return [single] if single.exists() else sorted((PACKAGE / package).glob("*.py"))
+
+
+def _imports(path: Path) -> set[str]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names.append(node.module)
+        elif isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+    return {name.split(".")[1] for name in names if name.startswith("mhvedit.")}
