@@ -24,8 +24,8 @@ from mhvedit.sequences.meshes import Gaze, Mesh, MeshSequence
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 Joints = dict[str, FloatArray]
-HEADER = ["take", "frames", "median °", "95 % °", "worst °", "ms a frame"]
-GAZE_HEADER = [*HEADER[:1], "face median °", "face 95 % °", "eyes to Head mm", "ms a frame"]
+HEADER = ["take", "frames", "median °", "95 % °", "worst °", "ms a frame (processor)"]
+GAZE_HEADER = [*HEADER[:1], "face median °", "face 95 % °", "eyes to Head mm", "ms a frame (processor)"]
 
 
 def read_scene_subject(folder: Path) -> tuple[MeshSequence, Joints]:
@@ -78,7 +78,7 @@ def _matrices(quaternions: FloatArray) -> FloatArray:
 
 def true_facing(joints: Joints) -> FloatArray:
     """Yaw (T,) rad of the horizontal normal of hips and shoulders."""
-    across = np.zeros((len(joints["Hips"]), 2)) if "Hips" in joints else 0.0
+    across: FloatArray = np.zeros((len(joints["LeftArm"]), 2))
     for left, right in (("LeftUpLeg", "RightUpLeg"), ("LeftArm", "RightArm")):
         line = (joints[right] - joints[left])[:, :2]
         across = across + line / np.linalg.norm(line, axis=1, keepdims=True)
@@ -88,27 +88,30 @@ def true_facing(joints: Joints) -> FloatArray:
 def face_error(gaze: Gaze, joints: Joints, face: FloatArray | None) -> FloatArray:
     """Degrees: between directions where the true one is known, else from the plane square to the head's axis."""
     if face is not None:
-        return np.degrees(np.arccos(np.clip((gaze.direction * face).sum(1), -1, 1)))
+        return np.asarray(np.degrees(np.arccos(np.clip((gaze.direction * face).sum(1), -1, 1))))
     axis = joints["Head_end"] - joints["Head"]
-    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    return np.degrees(np.abs(np.arcsin(np.clip((gaze.direction * axis).sum(1), -1, 1))))
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    axis = np.divide(axis, length, out=np.full_like(axis, np.nan), where=length > 0)  # some tracks end at the Head
+    return np.asarray(np.degrees(np.abs(np.arcsin(np.clip((gaze.direction * axis).sum(1), -1, 1)))))
 
 
 def measure(
     name: str, sequence: MeshSequence, joints: Joints, face: FloatArray | None
 ) -> tuple[list[str], list[str], FloatArray]:
     """One row for the facing, one for the gaze, and the facing's errors in degrees."""
-    began = time.perf_counter()
+    began = time.thread_time()
     body = track_body(sequence)
     facing = facing_of_body(body, fps=sequence.fps)
-    middle = time.perf_counter()
+    middle = time.thread_time()
     gaze = gaze_of_body(sequence, body)
-    spent = 1e3 * np.diff([began, middle, time.perf_counter()]) / len(sequence.numbers)
+    spent = 1e3 * np.diff([began, middle, time.thread_time()]) / len(sequence.numbers)
     error = np.degrees(np.abs(wrap_angle(facing.yaw - true_facing(joints))))
     off = face_error(gaze, joints, face)
     eyes = np.median(np.linalg.norm(gaze.eye - joints["Head"], axis=1)) * 1e3
     figures = [f"{np.median(error):.1f}", f"{np.percentile(error, 95):.1f}", f"{error.max():.1f}", f"{spent[0]:.1f}"]
-    of_gaze = [f"{np.median(off):.1f}", f"{np.percentile(off, 95):.1f}", f"{eyes:.0f}", f"{spent[1]:.1f}"]
+    known = np.isfinite(off).all()
+    share = [f"{np.median(off):.1f}", f"{np.percentile(off, 95):.1f}"] if known else ["–", "–"]
+    of_gaze = [*share, f"{eyes:.0f}", f"{spent[1]:.1f}"]
     return [name, str(len(error)), *figures], [name, *of_gaze], error
 
 

@@ -108,4 +108,4 @@ def _best_glance(head: BodyModel, cloud: FloatArray, start: BodyPose) -> BodyPos
 def _faces_near(mesh: Mesh, centre: FloatArray, reach: float) -> Int32Array:
     """The faces with a corner within reach."""
     near = ((mesh.vertices - centre) ** 2).sum(1) < reach**2
-    return mesh.faces[near[mesh.faces].any(1)]
+    return np.asarray(mesh.faces[near[mesh.faces].any(1)], np.int32)
