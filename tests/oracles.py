@@ -57,7 +57,7 @@ def depth_in(filled: frozenset[Voxel], voxel: Voxel) -> float:
     """Distance to the nearest empty voxel, centre to centre, less half a voxel."""
     reach = 1
     while True:
-        empty = [o for o in product(range(-reach, reach + 1), repeat=3) if _moved(voxel, o) not in filled]
+        empty = [o for o in cube(reach) if _moved(voxel, o) not in filled]
         nearest = min((sqrt(x * x + y * y + z * z) for x, y, z in empty), default=float("inf"))
         if nearest <= reach:
             return nearest - HALF
@@ -185,13 +185,18 @@ def moved(cells: Mapping[Voxel, T], shift: Shift) -> dict[Voxel, T]:
 
 def neighbours(cells: Iterable[Voxel], radius: float) -> dict[Voxel, list[Voxel]]:
     """For every lattice voxel the given ones that lie within a radius of it, centre to centre."""
-    reach = floor(radius)
-    offsets = [o for o in product(range(-reach, reach + 1), repeat=3) if sum(v * v for v in o) <= radius**2 + EXACT]
+    offsets = [o for o in cube(floor(radius)) if sum(v * v for v in o) <= radius**2 + EXACT]
     found: dict[Voxel, list[Voxel]] = {}
     for voxel in cells:
         for offset in offsets:
             found.setdefault(_moved(voxel, offset), []).append(voxel)
     return found
+
+
+def cube(reach: int) -> list[Voxel]:
+    """All lattice offsets of at most so many voxels along each axis."""
+    span = range(-reach, reach + 1)
+    return list(product(span, span, span))
 
 
 def _moved(voxel: Voxel, offset: Voxel) -> Voxel:
@@ -223,7 +228,7 @@ def why_not_in_time(s: Segment, a: History, b: History, near: Mapping[Voxel, Seq
 
 
 def at_right_moment(interaction: str, pair: tuple[Moments, Moments], tau: int, k: int) -> bool:
-    """Eqs 4 and 8 to 11 on one pair of voxels: `+` asks for t_end = T_end, `-` for t_start = T_start, each with slack."""
+    """Eqs 4 and 8 to 11 on a pair of voxels: `+` asks for t_end = T_end, `-` for t_start = T_start, with slack."""
     signs = interaction.split("&")
     return all(
         {"+": max(at) >= tau - 1 - k, "-": min(at) <= k, "0": True}[sign] for sign, at in zip(signs, pair, strict=True)

@@ -1,8 +1,9 @@
 """What a constraint is to the search: pairs of volumes that must, or must never, meet.
 
-A *meeting* holds at a pose if the two volumes share a voxel in which they also share a bit (a frame, or another moment that
-the bits stand for). A *clause* holds if one of its options does; an option holds if all that must meet do, and nothing that
-must never meet does. A pose is accepted if all clauses hold; the first that does not is the reason for its rejection.
+A *meeting* holds at a pose if the two volumes share a voxel in which they also share a bit (a frame, or another moment
+that the bits stand for). A *clause* holds if one of its options does; an option holds if all that must meet do, and
+nothing that must never meet does. A pose is accepted if all clauses hold; the first that does not is the reason for
+its rejection.
 """
 
 from dataclasses import dataclass

@@ -1,10 +1,10 @@
 """The interaction dictionary: when the parts of two people may touch (Shi et al., eqs 3 to 11).
 
-Each type has its own small function from two motion history volumes to clauses; `TEMPORAL` is the table of them. A type whose
-roles are swapped (`0&+` for `+&0`) is the same function with A and B swapped.
+Each type has its own small function from two motion history volumes to clauses; `TEMPORAL` is the table of them. A
+type whose roles are swapped (`0&+` for `+&0`) is the same function with A and B swapped.
 
-With tolerances (k frames, r voxels): some pair of voxels within r of each other satisfies the type's condition in time, and
-every voxel that is really shared does, both with k frames of slack. All zero is the paper.
+With tolerances (k frames, r voxels): some pair of voxels within r of each other satisfies the type's condition in
+time, and every voxel that is really shared does, both with k frames of slack. All zero is the paper.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from enum import StrEnum
 import numpy as np
 
 from mhvedit.constraints.clauses import Clause, Meeting, Option
-from mhvedit.geometry.arrays import Int32Array, Words
+from mhvedit.geometry.arrays import BoolArray, Int32Array, Words
 from mhvedit.volumes.history import (
     NEVER,
     MotionHistoryVolume,
@@ -108,7 +108,7 @@ def ever(volume: MotionHistoryVolume, slack_frames: int = 0) -> MotionHistoryVol
     return _moment(volume, volume.filled)
 
 
-def _moment(volume: MotionHistoryVolume, chosen: np.ndarray) -> MotionHistoryVolume:  # type: ignore[type-arg]
+def _moment(volume: MotionHistoryVolume, chosen: BoolArray) -> MotionHistoryVolume:
     return trimmed(MotionHistoryVolume(volume.grid, chosen.astype(np.uint64)[..., None], 1))
 
 
@@ -158,10 +158,8 @@ def _passing(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack) -> tu
     return _touching(a, b, slack), Clause("neither passes strictly after the other", (after, before))
 
 
-def _one_after_other(
-    a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack, *, a_is_later: bool
-) -> Option:
-    """The later one's t_start + k > the earlier one's t_end, told by bits: the moment t_end against all moments in question."""
+def _one_after_other(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack, *, a_is_later: bool) -> Option:
+    """The later one's t_start + k > the earlier one's t_end, told by bits: t_end against all moments in question."""
     later, earlier = (a, b) if a_is_later else (b, a)
     leaves = from_bits(earlier, _one_hot(earlier.t_end, earlier.n_frames))
     free_until = np.where(later.t_start == NEVER, NEVER, later.t_start + slack.frames)
@@ -187,7 +185,7 @@ def _from(times: Int32Array, n_frames: int) -> Words:
     return _moments(times, n_frames, lambda t, i: (t != NEVER) & (i >= t))
 
 
-def _moments(times: Int32Array, n_frames: int, holds: Callable[[Int32Array, int], np.ndarray]) -> Words:  # type: ignore[type-arg]
+def _moments(times: Int32Array, n_frames: int, holds: Callable[[Int32Array, int], BoolArray]) -> Words:
     words = np.zeros((*times.shape, word_count(n_frames)), np.uint64)
     for i in range(n_frames):
         words[..., i // 64] |= holds(times, i).astype(np.uint64) << np.uint64(i % 64)

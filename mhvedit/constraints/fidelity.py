@@ -1,8 +1,9 @@
 """Fidelity: what must not meet, in any frame (Shi et al., eq. 15), and how far what touches may sink in.
 
-Depth is distance to the other's surface. The depth of a voxel is its distance, centre to centre, to the nearest empty voxel of
-the solid that it belongs to, less half a voxel. What must stay apart shares no voxel deeper than `apart` (none at all for 0);
-interest parts share none deeper than `depth`, but may always share surface voxels, since they touch.
+Depth is distance to the other's surface. The depth of a voxel is its distance, centre to centre, to the nearest empty
+voxel of the solid that it belongs to, less half a voxel. What must stay apart shares no voxel deeper than `apart`
+(none at all for 0); interest parts share none deeper than `depth`, but may always share surface voxels, since they
+touch.
 """
 
 from collections.abc import Sequence
@@ -90,9 +91,7 @@ def _rests_meet(a: SubjectVolumes, b: SubjectVolumes, parts: tuple[str, str], ra
     return _distinct(sides, radius) + _distinct(ends, radius)
 
 
-def _distinct(
-    pairs: tuple[tuple[MotionHistoryVolume, MotionHistoryVolume], ...], radius: float
-) -> tuple[Meeting, ...]:
+def _distinct(pairs: tuple[tuple[MotionHistoryVolume, MotionHistoryVolume], ...], radius: float) -> tuple[Meeting, ...]:
     """The meetings that can happen; below a radius of one voxel nothing is eroded and both ways are the same."""
     chosen = pairs[:1] if radius < 1 else pairs
     return tuple(Meeting(a, b) for a, b in chosen if a.frames.any() and b.frames.any())

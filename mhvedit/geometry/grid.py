@@ -1,4 +1,4 @@
-"""The voxel lattice: voxel (i, j, k) has its centre at (i, j, k) * pitch, so that lattices of one pitch always agree."""
+"""The voxel lattice: voxel (i, j, k) has its centre at (i, j, k) * pitch, so lattices of one pitch always agree."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class VoxelGrid:
 
     def axis(self, axis: int) -> FloatArray:
         """Voxel centres along one axis, m."""
-        return (self.start[axis] + np.arange(self.shape[axis])) * self.pitch
+        return np.asarray((self.start[axis] + np.arange(self.shape[axis])) * self.pitch, np.float64)
 
     def slices_in(self, outer: "VoxelGrid") -> tuple[slice, slice, slice]:
         """Where this box lies in the arrays of a box that contains it."""

@@ -1,4 +1,4 @@
-"""Solution groups: every accepted pose of a segment, as the paper names it and as a transform, with its region and clearance."""
+"""Solution groups: every accepted pose of a segment, as the paper names it and as a transform, with its region."""
 
 from dataclasses import dataclass
 
@@ -66,7 +66,7 @@ def connected_regions(accepted: BoolArray) -> Int32Array:
     """
     labels, count = ndimage.label(accepted, np.ones((3, 3, 3)))
     parent = np.arange(count + 1)
-    for here, there in _seam_pairs(labels):
+    for here, there in _seam_pairs(np.asarray(labels, np.int32)):
         a, b = _root(parent, here), _root(parent, there)
         parent[max(a, b)] = min(a, b)
     merged = np.array([_root(parent, label) for label in range(count + 1)])[labels]

@@ -1,10 +1,11 @@
-"""Where do two volumes meet? Exact, for every shift of B in a window, with work that grows with the boundary of the answer.
+"""Where do two volumes meet? Exact, for every shift of B in a window, with work that grows with the boundary of the
+answer.
 
-Two volumes meet at a shift if some voxel of A and some voxel of shifted B coincide and have a bit in common (or, where bits
-are asked for by name, if all of these occur somewhere). The window is halved again and again into square blocks of shifts;
-for a block only those cells of B are looked at again, finer, whose pooled bits can still meet A's pooled bits for some shift
-of the block. A block is settled as a whole if nothing is left that can meet, or if something meets whatever the shift; single
-shifts are decided voxel by voxel.
+Two volumes meet at a shift if some voxel of A and some voxel of shifted B coincide and have a bit in common (or, where
+bits are asked for by name, if all of these occur somewhere). The window is halved again and again into square blocks
+of shifts; for a block only those cells of B are looked at again, finer, whose pooled bits can still meet A's pooled
+bits for some shift of the block. A block is settled as a whole if nothing is left that can meet, or if something meets
+whatever the shift; single shifts are decided voxel by voxel.
 """
 
 import numpy as np
@@ -35,7 +36,7 @@ def meets(
     out = np.zeros(asked.shape, np.bool_)
     if asked.any() and b.levels[TOP].any():
         need = np.zeros(a.levels[0].shape[3], np.uint64) if every is None else every
-        buffers = tuple(np.empty((max(1, np.count_nonzero(level.any(-1))), 3), np.int32) for level in b.levels)
+        buffers = tuple(np.empty((max(1, int(np.count_nonzero(level.any(-1)))), 3), np.int32) for level in b.levels)
         _search(
             a.levels, a.sure, a.starts, b.levels, b.starts, b.column_of, b.bits, buffers,
             base * stride, stride, asked, every is None, need, out,

@@ -1,8 +1,8 @@
 """The lattice of candidate poses of B beside A, and the window of it that a segment is searched in.
 
-Poses live on one lattice for all segments of two subjects (whole steps of x and y, whole steps of yaw, both from zero in the
-subjects' canonical frames), so that one and the same relative pose is a candidate of every segment. The window of a segment
-is the square around A's root in which B's root may stand; its map has one cell per lattice pose and yaw.
+Poses live on one lattice for all segments of two subjects (whole steps of x and y, whole steps of yaw, both from zero
+in the subjects' canonical frames), so that one and the same relative pose is a candidate of every segment. The window
+of a segment is the square around A's root in which B's root may stand; its map has one cell per lattice pose and yaw.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class PoseGrid:
     @property
     def yaws(self) -> FloatArray:
         """(n_yaw,) rad."""
-        return np.asarray(np.arange(self.n_yaw) * (2 * np.pi / self.n_yaw))
+        return np.asarray(np.arange(self.n_yaw) * (2 * np.pi / self.n_yaw), np.float64)
 
     @property
     def offsets(self) -> FloatArray:
@@ -76,6 +76,6 @@ def pose_grid(
     """
     step = stride * pitch
     half = int(np.floor(window / 2 / step + 1e-9)) + 1
-    turned = rotation(np.arange(n_yaw) * (2 * np.pi / n_yaw)) @ root_b
+    turned = rotation(np.asarray(np.arange(n_yaw) * (2 * np.pi / n_yaw))) @ root_b
     base = np.rint((root_a - turned) / step).astype(np.int64) - half
     return PoseGrid(step, stride, n_yaw, window, root_a, root_b, base, 2 * half + 1)

@@ -1,9 +1,10 @@
 """Volumes arranged for the search: bits pooled over blocks of 2, 4, 8 and 16 voxels, at rest for A and turned for B.
 
-Level 0 are voxels; a cell of level L pools the bits of 2^L voxels along each axis, from lattice index zero. A's pools also
-take in the next cell along x, along y and along both, so that one look at a pool answers for a whole block of 2^L x 2^L shifts:
-pooled by OR they say where a bit may be met, pooled by AND where it is met whatever the shift.
-B is turned about z by looking up, for every voxel of the lattice, the voxel of the untouched volume that its centre falls into.
+Level 0 are voxels; a cell of level L pools the bits of 2^L voxels along each axis, from lattice index zero. A's pools
+also take in the next cell along x, along y and along both, so that one look at a pool answers for a whole block of 2^L
+x 2^L shifts: pooled by OR they say where a bit may be met, pooled by AND where it is met whatever the shift. B is
+turned about z by looking up, for every voxel of the lattice, the voxel of the untouched volume that its centre falls
+into.
 """
 
 from dataclasses import dataclass
@@ -75,7 +76,7 @@ def columns_of(volume: MotionHistoryVolume) -> Columns:
     low = volume.grid.start[2] - start[2]
     bits[:, low : low + volume.grid.shape[2]] = volume.frames[occupied]
     first = np.array(volume.grid.start[:2])
-    return Columns(column_of, first, bits, int(start[2]), np.argwhere(occupied) + first.astype(np.float64))
+    return Columns(column_of, first, bits, int(start[2]), np.asarray(np.argwhere(occupied) + first, np.float64))
 
 
 def turned(columns: Columns, yaw: float) -> TurnedColumns:

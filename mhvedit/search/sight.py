@@ -1,4 +1,4 @@
-"""At which poses is somebody in sight? Exact on voxel centres; whole cells of 8 voxels are settled at once where they can be."""
+"""At which poses is somebody in sight? Exact on voxel centres; cells of 8 voxels are settled at once where possible."""
 
 from dataclasses import dataclass
 
@@ -52,9 +52,8 @@ def _in_sight(
     cone: SightCone, direction: FloatArray, eyes: FloatArray, volume: TurnedColumns, pitch: float
 ) -> BoolArray:
     cells = np.argwhere(volume.levels[CELL_LEVEL].any(-1)).astype(np.int32)
-    return _search(
-        cells, volume.starts[0], volume.column_of, volume.bits, eyes, direction, cone.half_angle, pitch
-    )  # fmt: skip
+    found = _search(cells, volume.starts[0], volume.column_of, volume.bits, eyes, direction, cone.half_angle, pitch)
+    return np.asarray(found)
 
 
 @njit(cache=True, nogil=True)

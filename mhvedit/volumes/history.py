@@ -1,7 +1,7 @@
 """The augmented motion history volume: in which frames of a key segment each voxel was filled (Shi et al., eq. 2).
 
-The paper keeps the first and the last frame of each voxel. Here the whole set of frames is kept, one bit a frame, so that
-a motion may re-enter a voxel, and a test over all frames at once is a bitwise AND; the interval is a view of it.
+The paper keeps the first and the last frame of each voxel. Here the whole set of frames is kept, one bit a frame, so
+that a motion may re-enter a voxel, and a test over all frames at once is a bitwise AND; the interval is a view of it.
 """
 
 from collections.abc import Sequence
@@ -43,12 +43,12 @@ class MotionHistoryVolume:
     @property
     def t_start(self) -> Int32Array:
         """(X, Y, Z) first frame in which each voxel is filled; NEVER where there is none."""
-        return _first_bits(self.frames)
+        return np.asarray(_first_bits(self.frames))
 
     @property
     def t_end(self) -> Int32Array:
         """(X, Y, Z) last frame in which each voxel is filled; NEVER where there is none."""
-        return _last_bits(self.frames)
+        return np.asarray(_last_bits(self.frames))
 
     @property
     def centre(self) -> FloatArray:
@@ -164,6 +164,16 @@ def eroded(volume: MotionHistoryVolume, radius: float) -> MotionHistoryVolume:
     if len(offsets) == 1:
         return volume
     return trimmed(MotionHistoryVolume(volume.grid, _shrink(volume.frames, offsets), volume.n_frames))
+
+
+def frame_centres(volume: MotionHistoryVolume) -> FloatArray:
+    """(tau, 3) centre of gravity of what is filled in each frame, m; NaN where nothing is."""
+    centres = np.full((volume.n_frames, 3), np.nan)
+    for frame in range(volume.n_frames):
+        where = np.argwhere(volume.at(frame))
+        if len(where):
+            centres[frame] = (where.mean(0) + np.array(volume.grid.start)) * volume.grid.pitch
+    return centres
 
 
 def from_bits(volume: MotionHistoryVolume, frames: Words) -> MotionHistoryVolume:

@@ -1,10 +1,12 @@
 """Interest volumes: which voxels of a subject belong to a named part.
 
-A part either selects voxels of the subject's own mesh (what lies within a radius of a moving point or segment, in a box,
-nearest to a vertex label or to a bone) or is a mesh sequence of its own (a sword). Selections are made on voxel centres.
+A part either selects voxels of the subject's own mesh (what lies within a radius of a moving point or segment, in a
+box, nearest to a vertex label or to a bone) or is a mesh sequence of its own (a sword). Selections are made on voxel
+centres.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -111,14 +113,16 @@ def distance_to_polyline(points: FloatArray, line: FloatArray) -> FloatArray:
     if line.ndim != 2 or len(line) == 0:
         raise ShapeError("line", line.shape, "(K, 3) with K >= 1")
     best = np.linalg.norm(points - line[0], axis=1)
-    for start, end in zip(line[:-1], line[1:], strict=True):
+    for start, end in pairwise(line):
         along = end - start
         t = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0, 1)
         best = np.minimum(best, np.linalg.norm(points - start - t[:, None] * along, axis=1))
     return np.asarray(best)
 
 
-def _belongs(part: NearTrack | InBox | WithLabel | NearBones, centres: FloatArray, mesh: Mesh, number: int) -> BoolArray:
+def _belongs(
+    part: NearTrack | InBox | WithLabel | NearBones, centres: FloatArray, mesh: Mesh, number: int
+) -> BoolArray:
     match part:
         case NearTrack():
             line = joint_positions(part.tracks, part.joints, number)

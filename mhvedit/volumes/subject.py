@@ -24,7 +24,7 @@ class PartVolume:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SubjectVolumes:
-    """A subject through one segment, in its canonical frame: `body` and things with meshes of their own are its solids."""
+    """A subject through one segment, in its canonical frame: `body` and things with own meshes are its solids."""
 
     solids: Mapping[str, MotionHistoryVolume]
     parts: Mapping[str, PartVolume]  # `body` and every part that the segment names
@@ -80,7 +80,7 @@ def part_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
 
 
 def deep_part_of(subject: SubjectVolumes, name: str, radius: float) -> MotionHistoryVolume:
-    """What of a named part lies deeper than a radius (voxels, centre to nearest empty centre) in the solid it is cut from."""
+    """What of a named part lies deeper than a radius (voxels, centre to empty centre) in the solid it is cut from."""
     part = subject.parts[name]
     return intersection(part.volume, eroded(subject.solids[part.solid], radius))
 
@@ -105,9 +105,7 @@ def deep_all_of(subject: SubjectVolumes, radius: float) -> MotionHistoryVolume:
     return _united([eroded(solid, radius) for solid in subject.solids.values()])
 
 
-def _without(
-    subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]
-) -> MotionHistoryVolume:
+def _without(subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]) -> MotionHistoryVolume:
     part = subject.parts[name]
     return _united([difference(s, part.volume) if key == part.solid else s for key, s in solids.items()])
 

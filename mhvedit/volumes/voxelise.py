@@ -1,10 +1,11 @@
 """Solid voxels of a mesh: which lattice points lie inside, for closed meshes and for captures with holes.
 
-What counts as inside. A ray along an axis through a voxel's centre crosses the surface; each crossing enters or leaves,
-and the sum up to the centre is the winding number seen by that ray. A ray whose crossings balance votes "inside" where
-its winding number is positive; one whose crossings do not balance (holes, flipped or missing faces) or go negative votes
-by parity, counted from either end. A mesh without boundary (every edge is run through equally often both ways) needs the
-rays along z only; any other takes the six rays along x, y and z, and a voxel is inside where at least four agree.
+What counts as inside. A ray along an axis through a voxel's centre crosses the surface; each crossing enters or
+leaves, and the sum up to the centre is the winding number seen by that ray. A ray whose crossings balance votes
+"inside" where its winding number is positive; one whose crossings do not balance (holes, flipped or missing faces) or
+go negative votes by parity, counted from either end. A mesh without boundary (every edge is run through equally often
+both ways) needs the rays along z only; any other takes the six rays along x, y and z, and a voxel is inside where at
+least four agree.
 
 Exact: corners are snapped to 1/65536 of a voxel, ray-triangle incidence is decided in integers, and a ray that passes
 through an edge or a corner counts for exactly one of the triangles that meet there.
@@ -36,7 +37,7 @@ def solid_voxels(mesh: Mesh, pitch: float) -> tuple[VoxelGrid, BoolArray]:
     if has_no_boundary(mesh.faces):
         votes = ray_votes(scaled, mesh.faces, grid.shape, axis=2)
         return grid, votes == 2
-    votes = sum((ray_votes(scaled, mesh.faces, grid.shape, axis=axis) for axis in range(3)), np.uint8(0))
+    votes = np.sum([ray_votes(scaled, mesh.faces, grid.shape, axis=axis) for axis in range(3)], axis=0, dtype=np.uint8)
     return grid, np.asarray(votes >= VOTES_NEEDED)
 
 
@@ -170,10 +171,10 @@ def _height_at(p: IntArray, height: FloatArray, i: int, j: int, k: int, u: int, 
     low = min(height[i], height[j], height[k])
     high = max(height[i], height[j], height[k])
     if area == 0.0:
-        return 0.5 * (low + high)
+        return float(0.5 * (low + high))
     s, t = (pu * kv - pv * ku) / area, (ju * pv - jv * pu) / area
     at = height[i] + s * (height[j] - height[i]) + t * (height[k] - height[i])
-    return min(max(at, low), high)
+    return float(min(max(at, low), high))
 
 
 @njit(cache=True, nogil=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.volumes.history import MotionHistoryVolume, history
 from mhvedit.volumes.subject import BODY, PartVolume, SubjectVolumes
@@ -69,15 +69,21 @@ def volume_of(frames: Sequence[frozenset[Voxel]]) -> MotionHistoryVolume:
     return history(boxes)
 
 
-def _path(rng: np.random.Generator, tau: int) -> list[FloatArray]:
+def _path(rng: np.random.Generator, tau: int) -> list[IntArray]:
     """Where a blob is in each frame: a walk, folded so that it comes back to where it was."""
     n = tau if tau < 10 else 5
     walk = np.cumsum(rng.integers(-1, 2, (n, 3)) * rng.choice([1, 2], (n, 1)), 0) + rng.integers(-5, 6, 3)
-    order = np.arange(tau) if tau < 10 else np.sort(rng.integers(0, n, tau)) if rng.random() < 0.5 else _there_and_back(tau, n)
+    order = (
+        np.arange(tau)
+        if tau < 10
+        else np.sort(rng.integers(0, n, tau))
+        if rng.random() < 0.5
+        else _there_and_back(tau, n)
+    )
     return [walk[i] for i in order]
 
 
-def _there_and_back(tau: int, n: int) -> FloatArray:
+def _there_and_back(tau: int, n: int) -> IntArray:
     return np.abs((np.arange(tau) // 4) % (2 * n - 2) - (n - 1))
 
 
@@ -99,6 +105,6 @@ def _some(rng: np.random.Generator, voxels: frozenset[Voxel], share: float) -> f
     return frozenset(p for p in sorted(voxels) if rng.random() < share)
 
 
-def _shifted(voxels: frozenset[Voxel], by: FloatArray) -> frozenset[Voxel]:
+def _shifted(voxels: frozenset[Voxel], by: IntArray) -> frozenset[Voxel]:
     x, y, z = (int(v) for v in by)
     return frozenset((p[0] + x, p[1] + y, p[2] + z) for p in voxels)

@@ -22,7 +22,7 @@ from tests.oracles import Cone, Segment
 from tests.search.shapes import HAND, PARTS, PITCH, SWORD, Made, made, random_subject
 
 Pose = tuple[int, int, int]  # voxels, voxels, yaw sample
-FEW = settings(deadline=None, max_examples=8, derandomize=True)
+FEW = settings(deadline=None, max_examples=6, derandomize=True)
 SEEDS = st.integers(0, 2**32 - 1)
 Pair = tuple[Made, Made]
 
@@ -53,7 +53,9 @@ def sight_of(pair: Pair, s: Segment) -> SightTest | None:
     return SightTest(MutualSight(a, b), pair[0].volumes.body, pair[1].volumes.body)
 
 
-def search(pair: Pair, s: Segment, *, stride: int = 1, n_yaw: int = 8, window: float = 11, workers: int = 1) -> ReasonMap:
+def search(
+    pair: Pair, s: Segment, *, stride: int = 1, n_yaw: int = 8, window: float = 11, workers: int = 1
+) -> ReasonMap:
     """The search as the pipeline calls it; the window in voxels."""
     grid = pose_grid(
         pair[0].root, pair[1].root, pitch=PITCH, stride=stride, n_yaw=n_yaw, window=window * PITCH
@@ -123,7 +125,9 @@ def test_the_search_agrees_with_brute_force_pose_for_pose(
 @pytest.mark.parametrize("kind", InteractionType)
 @given(seed=SEEDS, tau=st.sampled_from([64, 65, 70]))
 @settings(FEW, max_examples=2)
-def test_the_search_agrees_with_brute_force_beyond_one_word_of_frames(kind: InteractionType, seed: int, tau: int) -> None:
+def test_the_search_agrees_with_brute_force_beyond_one_word_of_frames(
+    kind: InteractionType, seed: int, tau: int
+) -> None:
     rng = np.random.default_rng(seed)
     pair = random_pair(rng, tau)
     s = segment(pair, kind, **random_demands(rng, kind) | {"frames": int(rng.choice([0, 3, 30]))})
@@ -133,18 +137,18 @@ def test_the_search_agrees_with_brute_force_beyond_one_word_of_frames(kind: Inte
 @pytest.mark.parametrize("kind", InteractionType)
 def test_every_type_accepts_some_poses_and_rejects_others_without_any_slack(kind: InteractionType) -> None:
     counts: Counter[str] = Counter()
-    for seed in range(5):
-        pair = random_pair(np.random.default_rng(seed), 3)
-        s = segment(pair, kind, overlap=0.5)
-        found = told(search(pair, s, n_yaw=4))
-        assert found == brute_force(pair, s, n_yaw=4)
+    seeds = iter(range(40))
+    while counts["accepted"] == 0 or counts.total() == counts["accepted"]:
+        pair = random_pair(np.random.default_rng(next(seeds)), 2)
+        s = segment(pair, kind, parts=(SWORD, HAND), overlap=0.5, depth=1.0)
+        found = told(search(pair, s, n_yaw=4, window=15))
+        assert found == brute_force(pair, s, n_yaw=4, window=15)
         counts.update(found.values())
-    assert counts["accepted"] > 0 and len(counts) > 1
     assert kind is InteractionType.NONE or counts["no contact"] > 0
 
 
 @given(seed=SEEDS)
-@settings(FEW, max_examples=20)
+@settings(FEW, max_examples=15)
 def test_loosening_a_tolerance_never_loses_a_pose(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pair, kind = random_pair(rng, 4), list(InteractionType)[int(rng.integers(12))]
@@ -155,7 +159,7 @@ def test_loosening_a_tolerance_never_loses_a_pose(seed: int) -> None:
 
 
 @given(seed=SEEDS, stride=st.sampled_from([1, 2]), kind=st.sampled_from(InteractionType))
-@settings(FEW, max_examples=20)
+@settings(FEW, max_examples=15)
 def test_swapping_a_and_b_inverts_the_poses_of_the_mirrored_type(seed: int, stride: int, kind: InteractionType) -> None:
     rng = np.random.default_rng(seed)
     pair = random_pair(rng, 4)
@@ -171,7 +175,7 @@ def test_swapping_a_and_b_inverts_the_poses_of_the_mirrored_type(seed: int, stri
 
 
 @given(seed=SEEDS, n_yaw=st.sampled_from([4, 5, 6]), kind=st.sampled_from(InteractionType))
-@settings(FEW, max_examples=20)
+@settings(FEW, max_examples=15)
 def test_halving_the_steps_keeps_every_pose_that_the_coarser_search_found(
     seed: int, n_yaw: int, kind: InteractionType
 ) -> None:

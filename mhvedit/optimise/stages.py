@@ -1,0 +1,103 @@
+"""Stages: stretches of the scene in which a pair moves rigidly, each one key segment or several that adjoin.
+
+Adjoining key segments with nothing between them share one motion, so their solution groups are intersected; poses live on one
+lattice, so the intersection is exact.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mhvedit.errors import MhveditError
+from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.search.groups import SolutionGroup
+
+YAW_BITS = 12
+REACH = 1 << 24
+
+
+class NoSolution(MhveditError, ValueError):
+    """A stage that nothing satisfies; names the segments."""
+
+    def __init__(self, segments: Sequence[str]) -> None:
+        names = " and ".join(f'"{name}"' for name in segments)
+        why = "has no solution" if len(segments) == 1 else "adjoin, so they must share one placement, and have none in common"
+        super().__init__(f"{names} {why}")
+        self.segments = tuple(segments)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeySegment:
+    """What the chain needs to know of one key segment; everything in the subjects' canonical frames."""
+
+    name: str
+    group: SolutionGroup
+    merit: FloatArray  # (S,) m: clearance less what speaks against each solution; decides between equal costs
+    root_a: FloatArray  # (2,) m, C of A
+    root_b: FloatArray  # (2,) m, C of B
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """The solutions that a run of adjoining key segments has in common."""
+
+    names: tuple[str, ...]
+    keys: IntArray  # (S, 3) on the pose lattice, ascending
+    poses: FloatArray  # (S, 3) x, y m and yaw rad of B in A
+    merit: FloatArray  # (S,) m, the least over the segments
+    roots_a: FloatArray  # (n, 2) m, one a segment
+    roots_b: FloatArray  # (n, 2) m
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+
+def stages_of(segments: Sequence[KeySegment], adjoins: Sequence[bool]) -> tuple[Stage, ...]:
+    """Join the key segments that adjoin.
+
+    Args:
+        segments: in order.
+        adjoins: (I - 1,) whether nothing lies between a segment and the next.
+
+    Raises:
+        NoSolution: a stage is empty.
+    """
+    runs: list[list[KeySegment]] = []
+    for segment, joined in zip(segments, (False, *adjoins), strict=True):
+        if joined:
+            runs[-1].append(segment)
+        else:
+            runs.append([segment])
+    return tuple(_stage(run) for run in runs)
+
+
+def pose_codes(keys: IntArray) -> IntArray:
+    """(S,) one integer per lattice pose, ordered as x, y, yaw."""
+    return np.asarray(((keys[:, 0] + REACH) * (2 * REACH) + keys[:, 1] + REACH) * (1 << YAW_BITS) + keys[:, 2])
+
+
+def rows_of(codes: IntArray, wanted: IntArray) -> IntArray:
+    """Where wanted codes stand among codes; all of them are there."""
+    order = np.argsort(codes, kind="stable")
+    return np.asarray(order[np.searchsorted(codes[order], wanted)])
+
+
+def _stage(run: Sequence[KeySegment]) -> Stage:
+    codes = [pose_codes(segment.group.keys) for segment in run]
+    common = codes[0]
+    for other in codes[1:]:
+        common = np.intersect1d(common, other)
+    common = np.sort(common)
+    if len(common) == 0:
+        raise NoSolution([segment.name for segment in run])
+    rows = [rows_of(own, common) for own in codes]
+    merit = np.min([segment.merit[row] for segment, row in zip(run, rows, strict=True)], axis=0)
+    return Stage(
+        names=tuple(segment.name for segment in run),
+        keys=run[0].group.keys[rows[0]],
+        poses=run[0].group.poses[rows[0]],
+        merit=merit,
+        roots_a=np.array([segment.root_a for segment in run]),
+        roots_b=np.array([segment.root_b for segment in run]),
+    )

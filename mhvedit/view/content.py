@@ -1,0 +1,85 @@
+"""What a report is told: plain data, so that the pipeline, tests and notebooks can all fill it in."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from mhvedit.geometry.arrays import FloatArray
+from mhvedit.scene.edit import EditedScene
+from mhvedit.search.groups import SolutionGroup
+from mhvedit.search.solve import ReasonMap
+from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.view.charts import SceneCheck
+from mhvedit.view.placement import MapSummary
+from mhvedit.volumes.history import MotionHistoryVolume
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StorySide:
+    """One of the two people of a key segment."""
+
+    subject: str
+    part: str
+    frames: tuple[int, int]  # inclusive, numbers as in the file names
+    facing: float = 0.0  # rad, over the segment, in the subject's canonical frame
+    part_volume: MotionHistoryVolume | None = None  # canonical frame
+    body_volume: MotionHistoryVolume | None = None  # canonical frame
+    eye: FloatArray | None = None  # (3,) m, in the frame that is shown, in the capture's frame
+    gaze: FloatArray | None = None  # (3,) in the frame that is shown, in the capture's frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentStory:
+    """One key segment: what was asked, what was found, what was chosen."""
+
+    name: str  # as in `EditedScene.segments`, if it is there
+    interaction: str
+    a: StorySide
+    b: StorySide
+    n_frames: int  # tau
+    found: ReasonMap | MapSummary | None = None
+    group: SolutionGroup | None = None
+    chosen: int | None = None  # row of the group
+    asked: Sequence[str] = ()  # more of what was asked, in words: tolerances, visibility, a pin
+    half_angle: float | None = None  # of the cones of sight, rad
+    shown: int | None = None  # frame of the segment that is shown, from 0; None for the type's own moment
+    killed_by: str = ""  # for an empty group: the constraint that kills it, in words
+    nearest: str = ""  # for an empty group: how far the nearest pose is from passing, in words
+    nearest_pose: FloatArray | None = None  # (3,) of B in A, canonical frames, to draw where nothing was chosen
+    cost: Mapping[str, float] = field(default_factory=dict)  # by term, m^2
+    figures: Mapping[str, str] = field(default_factory=dict)  # more numbers: name -> value with its unit
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CaptureStory:
+    """What is known of one capture."""
+
+    name: str
+    facts: Mapping[str, str] = field(default_factory=dict)  # frames, faces, fps, height ... : name -> value with its unit
+    facing: str = ""  # where the facing comes from, in words
+    facing_trust: float | None = None  # 0 .. 1
+    gaze: str = ""
+    gaze_trust: float | None = None  # 0 .. 1
+    notes: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportContent:
+    """All that a report shows."""
+
+    name: str
+    stories: Sequence[SegmentStory]
+    scene: EditedScene | None = None  # None where nothing could be placed
+    captures: Mapping[str, MeshSequence] = field(default_factory=dict)  # by subject
+    things: Mapping[str, Sequence[MeshSequence]] = field(default_factory=dict)  # by subject: own meshes, as swords
+    check: SceneCheck | None = None
+    limit_mm: float | None = None  # how deep bodies may sink into each other
+    centres: Mapping[str, FloatArray] = field(default_factory=dict)  # by subject: (N, 2) m in each frame of the scene, capture frame
+    verdict: str = ""  # one sentence; empty: made from the stories and the check
+    passed: bool | None = None  # None: all segments placed
+    about: Sequence[CaptureStory] = ()
+    warnings: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    stage_seconds: Mapping[str, float] = field(default_factory=dict)

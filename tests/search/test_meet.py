@@ -1,0 +1,156 @@
+"""`meets` against voxel-by-voxel brute force, on volumes large enough for every level of the pyramid."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mhvedit.geometry.arrays import BoolArray, IntArray, Words
+from mhvedit.geometry.grid import VoxelGrid
+from mhvedit.search.meet import meets
+from mhvedit.search.pyramid import BLOCK, TOP, columns_of, pyramid_of, turned
+from mhvedit.volumes.history import MotionHistoryVolume, frame_mask
+from tests import oracles
+from tests.oracles import Voxel
+
+Bits = dict[Voxel, int]
+TAU = 70  # two words
+
+
+def boxes_and_crumbs(rng: np.random.Generator, reach: int, *, words: int = 2) -> MotionHistoryVolume:
+    """A lattice box with random bits: some solid blocks of many frames, some lone voxels; its corner anywhere."""
+    shape = rng.integers(1, reach, 3)
+    frames = np.zeros((*shape, words), np.uint64)
+    for _ in range(int(rng.integers(0, 4))):
+        low = rng.integers(0, shape)
+        high = low + rng.integers(1, reach, 3)
+        frames[low[0] : high[0], low[1] : high[1], low[2] : high[2]] |= random_words(rng, words)
+    for _ in range(int(rng.integers(0, 6))):
+        frames[tuple(rng.integers(0, shape))] |= random_words(rng, words)
+    start = rng.integers(-25, 26, 3)
+    grid = VoxelGrid((int(start[0]), int(start[1]), int(start[2]) // 8), frames.shape[:3], 0.01)
+    return MotionHistoryVolume(grid, frames, 64 * words - 58)
+
+
+def random_words(rng: np.random.Generator, words: int) -> Words:
+    """A few frames of six; at times all of them."""
+    bits = rng.integers(0, 64, words).astype(np.uint64)
+    return np.full(words, 63, np.uint64) if rng.random() < 0.3 else bits
+
+
+def bits_of(volume: MotionHistoryVolume) -> Bits:
+    """Voxel -> its frames as one integer."""
+    start = volume.grid.start
+    found = {}
+    for x, y, z in np.argwhere(volume.filled):
+        words = volume.frames[x, y, z]
+        value = sum(int(word) << (64 * w) for w, word in enumerate(words))
+        found[int(x) + start[0], int(y) + start[1], int(z) + start[2]] = value
+    return found
+
+
+def meets_slowly(a: Bits, b: Bits, shift: tuple[int, int], every: int | None) -> bool:
+    common = 0
+    for (x, y, z), bits in b.items():
+        common |= bits & a.get((x + shift[0], y + shift[1], z), 0)
+    return common != 0 if every is None else common & every == every
+
+
+def check(
+    a: MotionHistoryVolume,
+    b: MotionHistoryVolume,
+    yaw: float,
+    base: IntArray,
+    stride: int,
+    asked: BoolArray,
+    every: Words | None,
+) -> BoolArray:
+    """Compare, and return, the answer."""
+    found = meets(pyramid_of(a), turned(columns_of(b), yaw), base=base, stride=stride, asked=asked, every=every)
+    slow_a, slow_b = bits_of(a), oracles.turned(bits_of(b), yaw)
+    need = None if every is None else sum(int(word) << (64 * w) for w, word in enumerate(every))
+    expected = np.zeros_like(asked)
+    for i, j in np.argwhere(asked):
+        expected[i, j] = meets_slowly(slow_a, slow_b, ((base[0] + i) * stride, (base[1] + j) * stride), need)
+    np.testing.assert_array_equal(found, expected)
+    return found
+
+
+@given(seed=st.integers(0, 2**32 - 1), stride=st.integers(1, 3), words=st.integers(1, 2), ask_all=st.booleans())
+@settings(deadline=None, max_examples=40, derandomize=True)
+def test_any_and_every_agree_with_brute_force(seed: int, stride: int, words: int, ask_all: bool) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = boxes_and_crumbs(rng, 24, words=words), boxes_and_crumbs(rng, 12, words=words)
+    size = rng.integers(1, 24, 2)
+    base = (np.array(a.grid.start[:2]) - b.grid.start[:2] + rng.integers(-25, 10, 2)) // stride
+    asked = np.ones(size, np.bool_) if ask_all else rng.random(size) < 0.4
+    for every in (None, random_words(rng, words) | np.uint64(1)):
+        check(a, b, float(rng.choice([0, 1, np.pi / 2, 4])), base, stride, asked, every)
+
+
+def test_large_blocks_of_shifts_are_settled_as_a_whole_and_rightly() -> None:
+    """A slab of several top-level blocks: inside it all shifts meet, and the border is exact."""
+    slab = MotionHistoryVolume(VoxelGrid((-41, -23, 0), (85, 70, 3), 0.01), np.full((85, 70, 3, 1), 1, np.uint64), 1)
+    dot = MotionHistoryVolume(VoxelGrid((7, -3, 1), (1, 1, 1), 0.01), np.full((1, 1, 1, 1), 1, np.uint64), 1)
+    asked = np.ones((120, 100), np.bool_)
+    base = np.array([-60, -35])
+    found = meets(pyramid_of(slab), turned(columns_of(dot), 0.0), base=base, stride=1, asked=asked)
+    x, y = np.arange(120) - 60 + 7, np.arange(100) - 35 - 3
+    inside = ((x >= -41) & (x < 44))[:, None] & ((y >= -23) & (y < 47))[None]
+    np.testing.assert_array_equal(found, inside)
+
+
+def test_every_needs_all_bits_but_not_all_in_one_voxel() -> None:
+    """Each frame of 70 is met in another voxel of a row."""
+    row = np.zeros((TAU, 1, 1, 2), np.uint64)
+    for i in range(TAU):
+        row[i, 0, 0, i // 64] = np.uint64(1) << np.uint64(i % 64)
+    a = MotionHistoryVolume(VoxelGrid((-30, 5, 2), (TAU, 1, 1), 0.01), row, TAU)
+    asked, base = np.ones((41, 5), np.bool_), np.array([-20, -2])
+    every = frame_mask(TAU, range(TAU))
+    assert np.argwhere(check(a, a, 0.0, base, 1, asked, every)).tolist() == [[20, 2]]
+    assert np.argwhere(check(a, a, 0.0, base, 1, asked, None)).tolist() == [[20, 2]]
+    full = MotionHistoryVolume(a.grid, np.tile(every, (TAU, 1, 1, 1)), TAU)
+    assert check(a, full, 0.0, base, 1, asked, every).sum() == 1
+    some = check(a, full, 0.0, base, 1, asked, frame_mask(TAU, range(20, 50)))
+    assert some.sum() == 41
+
+
+def test_shifts_that_are_not_asked_for_come_back_false() -> None:
+    rng = np.random.default_rng(0)
+    volume = boxes_and_crumbs(rng, 20)
+    found = meets(
+        pyramid_of(volume), turned(columns_of(volume), 0.0),
+        base=np.array([-3, -3]), stride=1, asked=np.zeros((7, 7), np.bool_),
+    )  # fmt: skip
+    assert not found.any()
+
+
+@pytest.mark.parametrize("yaw", [0.0, np.pi / 2, np.pi, 3 * np.pi / 2])
+def test_quarter_turns_move_voxels_onto_voxels(yaw: float) -> None:
+    volume = boxes_and_crumbs(np.random.default_rng(7), 20)
+    columns = turned(columns_of(volume), yaw)
+    c, s = round(np.cos(yaw)), round(np.sin(yaw))
+    start = columns.starts[0]
+    found = {}
+    for i, j in np.argwhere(columns.column_of >= 0):
+        for z, words in enumerate(columns.bits[columns.column_of[i, j]]):
+            if words.any():
+                found[int(start[0] + i), int(start[1] + j), int(start[2] + z)] = int(words[0]) | int(words[1]) << 64
+    assert found == {(c * x - s * y, s * x + c * y, z): bits for (x, y, z), bits in bits_of(volume).items()}
+
+
+def test_each_level_of_the_pyramid_pools_what_some_and_what_every_shift_of_a_block_can_meet() -> None:
+    volume = boxes_and_crumbs(np.random.default_rng(11), 30, words=1)
+    pyramid, bits = pyramid_of(volume), bits_of(volume)
+    for level in range(1, TOP + 1):
+        size = 1 << level
+        for cell in np.ndindex(pyramid.levels[level].shape[:3]):
+            low = (np.array(cell) + pyramid.starts[level]) * size
+            reached = [
+                bits.get((int(low[0]) + x, int(low[1]) + y, int(low[2]) + z), 0)
+                for x, y, z in np.ndindex(2 * size, 2 * size, size)
+            ]
+            assert pyramid.levels[level][cell][0] == np.bitwise_or.reduce(np.array(reached, np.uint64))
+            assert pyramid.sure[level][cell][0] == np.bitwise_and.reduce(np.array(reached, np.uint64))
+    assert BLOCK == 16
