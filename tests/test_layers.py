@@ -19,6 +19,16 @@ MAY_IMPORT = {
     "skeleton": {"sequences"},
     "view": {"sequences", "volumes", "constraints", "search", "optimise", "scene"},
     "project": {"sequences", "volumes", "constraints", "skeleton"},
+    "pipeline": {
+        "sequences",
+        "volumes",
+        "constraints",
+        "search",
+        "optimise",
+        "scene",
+        "view",
+        "project",
+    },
 }
 
 

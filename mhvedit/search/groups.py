@@ -55,6 +55,24 @@ def solution_group(found: ReasonMap, *, facing_a: float, facing_b: float, lever:
     )
 
 
+def rows_of_group(group: SolutionGroup, rows: IntArray) -> SolutionGroup:
+    """Some of the solutions.
+
+    Args:
+        group: of a segment.
+        rows: (N,) which.
+    """
+    return SolutionGroup(
+        keys=group.keys[rows],
+        poses=group.poses[rows],
+        distance=group.distance[rows],
+        theta_a=group.theta_a[rows],
+        theta_b=group.theta_b[rows],
+        region=group.region[rows],
+        clearance=group.clearance[rows],
+    )
+
+
 def connected_regions(accepted: BoolArray) -> Int32Array:
     """Number the regions of poses that touch (26 neighbours; yaw is a circle), largest first, equals by first cell.
 

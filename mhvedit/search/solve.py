@@ -60,6 +60,7 @@ def search_poses(
     clauses: Sequence[Clause],
     *,
     sight: SightTest | None = None,
+    among: BoolArray | None = None,
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> ReasonMap:
@@ -69,6 +70,7 @@ def search_poses(
         grid: candidate poses.
         clauses: constraints, in the order in which they are to be blamed.
         sight: mutual visibility, tested last.
+        among: (X, Y, Yaw) poses to test; the others come back as outside the window. None for all.
         workers: threads; the result does not depend on it.
         progress: told the share that is done, 0 to 1.
     """
@@ -79,7 +81,10 @@ def search_poses(
     reason = np.full((grid.size, grid.size, grid.n_yaw), OUTSIDE, np.uint8)
     done = 0
     with ThreadPoolExecutor(workers) as pool:
-        slices = pool.map(lambda k: _reasons_at(grid, clauses, sight, prepared, k), range(grid.n_yaw))
+        slices = pool.map(
+            lambda k: _reasons_at(grid, clauses, sight, prepared, k, None if among is None else among[:, :, k]),
+            range(grid.n_yaw),
+        )
         for k, found in enumerate(slices):
             reason[:, :, k] = found
             done += 1
@@ -104,10 +109,15 @@ def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
 
 
 def _reasons_at(
-    grid: PoseGrid, clauses: Sequence[Clause], sight: SightTest | None, prepared: _Prepared, k: int
+    grid: PoseGrid,
+    clauses: Sequence[Clause],
+    sight: SightTest | None,
+    prepared: _Prepared,
+    k: int,
+    among: BoolArray | None,
 ) -> ByteArray:
     """(size, size) reasons at one yaw."""
-    alive = grid.inside(k)
+    alive = grid.inside(k) if among is None else grid.inside(k) & among
     reason = np.where(alive, ACCEPTED, OUTSIDE).astype(np.uint8)
     turned_b: dict[int, TurnedColumns] = {}
     yaw = float(grid.yaws[k])

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mhvedit.errors import ShapeError
-from mhvedit.geometry.arrays import BoolArray, FloatArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.scene.edit import EditedScene, SegmentEdit
 from mhvedit.view.style import (
@@ -43,7 +43,9 @@ class SceneCheck:
     penetration_mm: FloatArray  # (N,) deepest, mm
     gap_mm: FloatArray  # (N,) smallest distance between the subjects, mm
     contact: BoolArray  # (N,) whether they touch
-    added_skate: Mapping[str, FloatArray]  # by subject, (N,) m/s that the edit adds to the speed of feet on the floor; may be empty
+    added_skate: Mapping[
+        str, FloatArray
+    ]  # by subject, (N,) m/s that the edit adds to the speed of feet on the floor; may be empty
 
     def __post_init__(self) -> None:
         expected = self.penetration_mm.shape
@@ -64,7 +66,14 @@ def rejections(counts: Mapping[str, int], *, title: str = "What became of the po
     numbers = np.array([counts[name] for name in names])
     figure = new_figure(8.0, 1.3 + 0.42 * len(names))
     axes = figure.add_axes((0.37, 0.62 / (1.3 + 0.42 * len(names)), 0.58, 1 - 1.15 / (1.3 + 0.42 * len(names))))
-    axes.barh(range(len(names)), np.maximum(numbers, 0.5), color=reason_colours(names), edgecolor=MUTED, linewidth=0.6, height=0.7)
+    axes.barh(
+        range(len(names)),
+        np.maximum(numbers, 0.5),
+        color=reason_colours(names),
+        edgecolor=MUTED,
+        linewidth=0.6,
+        height=0.7,
+    )
     axes.set_xscale("log")
     axes.set_xlim(0.8, max(10.0, float(numbers.max(initial=1)) * 8))
     for row, number in enumerate(numbers):
@@ -145,7 +154,9 @@ def over_time(scene: EditedScene, check: SceneCheck, *, limit_mm: float | None =
     rows = 3 if check.added_skate else 2
     figure = new_figure(13.0, 2.0 + 1.75 * rows)
     charts = figure.subplots(rows, 1, sharex=True)
-    figure.subplots_adjust(left=0.09, right=0.92, bottom=0.75 / (2.0 + 1.75 * rows), top=1 - 1.15 / (2.0 + 1.75 * rows), hspace=0.18)
+    figure.subplots_adjust(
+        left=0.09, right=0.92, bottom=0.75 / (2.0 + 1.75 * rows), top=1 - 1.15 / (2.0 + 1.75 * rows), hspace=0.18
+    )
     frames = np.arange(scene.n_frames)
     _fill(charts[0], frames, check.penetration_mm, WARNING)
     _fill(charts[1], frames, check.gap_mm, SUBJECTS[0])
@@ -159,7 +170,14 @@ def over_time(scene: EditedScene, check: SceneCheck, *, limit_mm: float | None =
         charts[-1].plot(frames, check.added_skate[name], color=colour, linewidth=2, label=shorter(name, 16))
     if check.added_skate:
         dress(charts[-1], y="added foot\nskate, m/s")
-        charts[-1].legend(fontsize=SMALL, frameon=False, labelcolor=INK, loc="upper right", borderaxespad=0.1, ncols=len(check.added_skate))
+        charts[-1].legend(
+            fontsize=SMALL,
+            frameon=False,
+            labelcolor=INK,
+            loc="upper right",
+            borderaxespad=0.1,
+            ncols=len(check.added_skate),
+        )
     charts[-1].set_xlabel("frame of the scene", fontsize=TEXT, color=INK)
     for axes in charts:
         shade_segments(axes, scene.segments)
@@ -181,23 +199,25 @@ def _name_segments(axes: Axes, segments: Sequence[SegmentEdit]) -> None:
     limit = 22 if len(segments) <= MANY_SEGMENTS else 12
     for segment in segments:
         axes.annotate(
-            shorter(segment.name, limit), ((segment.start + segment.stop - 1) / 2, 1.0), (0, 4), textcoords="offset points",
-            xycoords=("data", "axes fraction"), rotation=32, ha="left", va="bottom", fontsize=SMALL, color=INK,
-            rotation_mode="anchor",
+            shorter(segment.name, limit), ((segment.start + segment.stop - 1) / 2, 1.0), (0, 4),
+            textcoords="offset points", xycoords=("data", "axes fraction"), rotation=32, rotation_mode="anchor",
+            ha="left", va="bottom", fontsize=SMALL, color=INK,
         )  # fmt: skip
 
 
-def _fill(axes: Axes, frames: np.ndarray, values: FloatArray, colour: str) -> None:  # type: ignore[type-arg]
+def _fill(axes: Axes, frames: IntArray, values: FloatArray, colour: str) -> None:
     axes.fill_between(frames, 0, np.nan_to_num(values), color=colour, alpha=0.25, linewidth=0, step="mid")
     axes.step(frames, values, color=colour, linewidth=1.8, where="mid")
 
 
-def _draw_contact(axes: Axes, frames: np.ndarray, contact: BoolArray) -> None:  # type: ignore[type-arg]
+def _draw_contact(axes: Axes, frames: IntArray, contact: BoolArray) -> None:
     """Ticks along the lower edge in the frames in which they touch."""
     if contact.any():
         at = frames[contact]
         across = axes.get_xaxis_transform()
-        axes.plot(at, np.full(len(at), 0.05), "s", markersize=5, color=OK, transform=across, clip_on=False, label="in contact")
+        axes.plot(
+            at, np.full(len(at), 0.05), "s", markersize=5, color=OK, transform=across, clip_on=False, label="in contact"
+        )
         axes.legend(fontsize=SMALL, frameon=False, labelcolor=INK, loc="upper right", borderaxespad=0.1)
 
 
@@ -212,7 +232,9 @@ def _draw_paths(
         axes.plot(path[:1, 0], path[:1, 1], "o", markersize=9, color=PAPER, markeredgecolor=colour, markeredgewidth=2)
         thick = [path[s.start : s.stop] for s in scene.segments if name in s.between]
         for i, piece in enumerate(thick):
-            axes.plot(piece[:, 0], piece[:, 1], color=colour, linewidth=5, solid_capstyle="round", label="" if i else name)
+            axes.plot(
+                piece[:, 0], piece[:, 1], color=colour, linewidth=5, solid_capstyle="round", label="" if i else name
+            )
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.14)
     axes.grid(color=GRID, linewidth=0.6)
@@ -231,8 +253,8 @@ def _number_segments(
         for i, spot, place in zip(numbers, spots, spread_labels(spots, gap=gap * extent), strict=True):
             axes.plot([spot[0], place[0]], [spot[1], place[1]], color=MUTED, linewidth=0.8)
             axes.text(
-                place[0], place[1], str(i + 1), fontsize=SMALL, color=PAPER, ha="center", va="center", fontweight="bold",
-                bbox={"boxstyle": "circle,pad=0.22", "facecolor": colours[name], "edgecolor": PAPER}, zorder=6,
+                place[0], place[1], str(i + 1), fontsize=SMALL, color=PAPER, ha="center", va="center", zorder=6,
+                fontweight="bold", bbox={"boxstyle": "circle,pad=0.22", "facecolor": colours[name], "edgecolor": PAPER},
             )  # fmt: skip
 
 

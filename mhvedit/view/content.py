@@ -56,7 +56,7 @@ class CaptureStory:
     """What is known of one capture."""
 
     name: str
-    facts: Mapping[str, str] = field(default_factory=dict)  # frames, faces, fps, height ... : name -> value with its unit
+    facts: Mapping[str, str] = field(default_factory=dict)  # frames, faces, height: name -> value with its unit
     facing: str = ""  # where the facing comes from, in words
     facing_trust: float | None = None  # 0 .. 1
     gaze: str = ""
@@ -75,7 +75,7 @@ class ReportContent:
     things: Mapping[str, Sequence[MeshSequence]] = field(default_factory=dict)  # by subject: own meshes, as swords
     check: SceneCheck | None = None
     limit_mm: float | None = None  # how deep bodies may sink into each other
-    centres: Mapping[str, FloatArray] = field(default_factory=dict)  # by subject: (N, 2) m in each frame of the scene, capture frame
+    centres: Mapping[str, FloatArray] = field(default_factory=dict)  # by subject: (N, 2) m, see `trajectories`
     verdict: str = ""  # one sentence; empty: made from the stories and the check
     passed: bool | None = None  # None: all segments placed
     about: Sequence[CaptureStory] = ()

@@ -39,9 +39,8 @@ def bullets(texts: Sequence[str], kind: str = "notes") -> str:
 def figure(picture: Picture, *, caption: str | None = None) -> str:
     """A picture that opens large when clicked."""
     source = "data:image/webp;base64," + base64.b64encode(picture.data).decode()
-    image = (
-        f'<img src="{source}" alt="{escape(picture.alt)}" width="{picture.width}" height="{picture.height}" loading="lazy">'
-    )
+    size = f'width="{picture.width}" height="{picture.height}"'
+    image = f'<img src="{source}" alt="{escape(picture.alt)}" {size} loading="lazy">'
     button = element("button", image, type="button", title="Show large")
     return element("figure", button + element("figcaption", escape(picture.caption if caption is None else caption)))
 
@@ -56,7 +55,9 @@ def table(rows: Mapping[str, str], title: str = "") -> str:
     """Names and values in a panel; nothing for nothing."""
     if not rows:
         return ""
-    body = "".join(f"<tr><th scope=\"row\">{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows.items())
+    body = "".join(
+        f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>' for name, value in rows.items()
+    )
     return panel(f"<table><tbody>{body}</tbody></table>", title)
 
 

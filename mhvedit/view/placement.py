@@ -58,7 +58,7 @@ class MapSummary:
 
     grid: PoseGrid
     fits: IntArray  # (X, Y) how many yaws are accepted
-    furthest: ByteArray  # (X, Y) index into reasons: of all yaws, the one that passed most constraints before it was rejected
+    furthest: ByteArray  # (X, Y) index into reasons: the last constraint that the best yaw failed
     reasons: tuple[str, ...]
     counts: Mapping[str, int]  # reason -> poses, all yaws
 
@@ -156,7 +156,9 @@ def draw_dial(axes: PolarAxes, group: SolutionGroup, chosen: int | None, *, turn
     numbers, edges = np.histogram(wrap_angle(facing), DIAL_BINS, (-np.pi, np.pi))
     tallest = max(1, int(numbers.max()))
     heights = np.where(numbers > 0, 0.35 + 0.65 * np.sqrt(numbers / tallest), 0.0)
-    axes.bar(edges[:-1], heights - 0.3 * (heights > 0), np.diff(edges), bottom=0.3, align="edge", color=solution_colour(0.6))
+    axes.bar(
+        edges[:-1], heights - 0.3 * (heights > 0), np.diff(edges), bottom=0.3, align="edge", color=solution_colour(0.6)
+    )
     axes.set_ylim(0, 1.05)
     axes.set_yticks([])
     axes.set_xticks(np.radians([0, 90, 180, 270]), ["−90°", "0°", "90°", "180°"])
@@ -213,8 +215,11 @@ def _draw_ways(
     centre = (fans[:, :2] + 0.5) * cell
     angle = (fans[:, 2] + 0.5) * (2 * np.pi / FACING_BINS) - np.pi
     tips = centre + 0.85 * cell * np.stack([np.cos(angle), np.sin(angle)], 1)
-    axes.add_collection(LineCollection(np.stack([centre, tips], 1), colors=solution_colour(0.6), linewidths=1.3, zorder=2))
-    axes.scatter(*np.unique(centre, axis=0).T, s=5, color=solution_colour(1.0), zorder=2.1)
+    axes.add_collection(
+        LineCollection(list(np.stack([centre, tips], 1)), colors=solution_colour(0.6), linewidths=1.3, zorder=2)
+    )
+    dots = np.unique(centre, axis=0)
+    axes.scatter(dots[:, 0], dots[:, 1], s=5, color=solution_colour(1.0), zorder=2.1)
 
 
 def _draw_people(
@@ -258,7 +263,9 @@ def _draw_legend(figure: Figure, seen: MapSummary) -> None:
     """What the colours mean and how many poses each reason took, all yaws."""
     colours = dict(zip(seen.reasons, reason_colours(seen.reasons), strict=True))
     total = sum(seen.counts.values()) - seen.counts.get(seen.reasons[OUTSIDE], 0)
-    entries = [(Patch(facecolor=solution_colour(0.5)), f"solutions: {short_count(seen.counts[seen.reasons[ACCEPTED]])}")]
+    entries = [
+        (Patch(facecolor=solution_colour(0.5)), f"solutions: {short_count(seen.counts[seen.reasons[ACCEPTED]])}")
+    ]
     for reason in reversed(seen.reasons[OUTSIDE + 1 :]):
         patch = Patch(facecolor=colours[reason], edgecolor=MUTED, linewidth=0.5)
         if seen.counts[reason]:

@@ -84,7 +84,9 @@ def draw_person(axes: Axes, at: FloatArray, facing: float, colour: str) -> None:
     """
     degrees = float(np.degrees(facing))
     centre = (float(at[0]), float(at[1]))
-    shoulders = Ellipse(centre, CHEST, SHOULDERS, angle=degrees, facecolor=colour, edgecolor=PAPER, linewidth=2, alpha=0.9)
+    shoulders = Ellipse(
+        centre, CHEST, SHOULDERS, angle=degrees, facecolor=colour, edgecolor=PAPER, linewidth=2, alpha=0.9
+    )
     shoulders.set_zorder(5)
     axes.add_patch(shoulders)
     axes.add_patch(Circle(centre, HEAD, facecolor=colour, edgecolor=PAPER, linewidth=1.6, zorder=5.2))

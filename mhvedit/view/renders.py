@@ -170,7 +170,7 @@ def filmstrip(
     height: int = STRIP_HEIGHT,
     plotter: pyvista.Plotter | None = None,
 ) -> ByteArray:
-    """Frames side by side, all from one side and at one scale; the camera goes along, each frame is as wide as it needs.
+    """Frames side by side, all from one side and at one scale; the camera goes along, each is as wide as it needs.
 
     Args:
         frames: of each the subjects' meshes, in the world; at least one.
@@ -308,7 +308,9 @@ def _apart(meshes: Mapping[str, Mesh]) -> FloatArray:
     return _level(way)
 
 
-def _between(bodies: tuple[MotionHistoryVolume, MotionHistoryVolume], poses: tuple[FloatArray, FloatArray]) -> FloatArray:
+def _between(
+    bodies: tuple[MotionHistoryVolume, MotionHistoryVolume], poses: tuple[FloatArray, FloatArray]
+) -> FloatArray:
     return apply_pose(poses[1], bodies[1].centre) - apply_pose(poses[0], bodies[0].centre)
 
 

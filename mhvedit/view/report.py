@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mhvedit.errors import MissingLibrary
+from mhvedit.search.solve import ReasonMap
 from mhvedit.view import markup
 from mhvedit.view.charts import cost_bars, over_time, trajectories
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory
@@ -29,9 +30,9 @@ from mhvedit.view.words import (
 )
 
 MAP_WORDS = (
-    "Seen from above, {a} facing up. Dark: {b} can stand there, the darker the more ways to face. Light: nobody can; the "
-    "colour is the last constraint that stood in the way of the best facing. The dial counts all facings that fit; the "
-    "arrow is the chosen one."
+    "Seen from above, {a} facing up. Dark: {b} can stand there, the darker the more ways to face. "
+    "Light: nobody can; the colour is the last constraint that stood in the way of the best facing. "
+    "The dial counts all facings that fit; the arrow is the chosen one."
 )
 COST_WORDS = "How far the edit departs from how people moved and faced; 0 is no change."
 
@@ -39,7 +40,7 @@ COST_WORDS = "How far the edit departs from how people moved and faced; 0 is no 
 def write_report(path: Path, content: ReportContent) -> None:
     """Write the report; nothing half-written is ever left at its place.
 
-    Where this machine cannot draw in three dimensions, a sentence that says what to install stands in for those pictures.
+    Where this machine cannot draw in 3D, a sentence that says what to install stands in for those pictures.
 
     Args:
         path: of the HTML file.
@@ -135,8 +136,9 @@ def _segment(content: ReportContent, number: int, story: SegmentStory, drawn: St
     inner += markup.paragraph(solutions_in_words(story), "found") if story.group is None or len(story.group) else ""
     inner += _why_empty(story) + markup.bullets(story.warnings, "warnings")
     inner += markup.figures(drawn.strip, "")
-    inner += _map(content, story)
-    inner += _numbers(content, story)
+    seen = summarise(story.found) if isinstance(story.found, ReasonMap) else story.found
+    inner += _map(content, story, seen)
+    inner += _numbers(content, story, seen)
     inner += markup.figures(drawn.frame + drawn.eyes, "four" if len(drawn.eyes) == 2 else "two")
     if drawn.volumes:
         inner += markup.figures(drawn.volumes, "two") + markup.volume_legend(story.n_frames)
@@ -155,20 +157,25 @@ def _asked(story: SegmentStory) -> str:
         f"{a.subject} frames {a.frames[0]} to {a.frames[1]}, {b.subject} frames {b.frames[0]} to {b.frames[1]}: "
         f"{story.n_frames} frames in the scene"
     )
-    return markup.element("p", words, class_="asked") + markup.paragraph("; ".join([frames, *story.asked]) + ".", "muted")
+    return markup.element("p", words, class_="asked") + markup.paragraph(
+        "; ".join([frames, *story.asked]) + ".", "muted"
+    )
 
 
 def _why_empty(story: SegmentStory) -> str:
     if story.group is None or len(story.group):
         return ""
-    inner = markup.element("p", "<b>No pose fits.</b>") + markup.paragraph(story.killed_by) + markup.paragraph(story.nearest)
+    inner = (
+        markup.element("p", "<b>No pose fits.</b>")
+        + markup.paragraph(story.killed_by)
+        + markup.paragraph(story.nearest)
+    )
     return markup.element("div", inner, class_="empty")
 
 
-def _map(content: ReportContent, story: SegmentStory) -> str:
-    if story.found is None or story.group is None:
+def _map(content: ReportContent, story: SegmentStory, seen: MapSummary | None) -> str:
+    if seen is None or story.group is None:
         return ""
-    seen = story.found if isinstance(story.found, MapSummary) else summarise(story.found)
     bodies = None
     if story.a.body_volume is not None and story.b.body_volume is not None:
         bodies = ShownBodies(story.a.body_volume, story.b.body_volume, shown_frame(content, story))
@@ -180,13 +187,14 @@ def _map(content: ReportContent, story: SegmentStory) -> str:
     return markup.element("div", chart(drawn, alt, MAP_WORDS.format(a=names[0], b=names[1])), class_="row")
 
 
-def _numbers(content: ReportContent, story: SegmentStory) -> str:
+def _numbers(content: ReportContent, story: SegmentStory, seen: MapSummary | None) -> str:
     """What became of the poses, and the numbers of the chosen one."""
     left = ""
-    if story.found is not None:
-        counts = story.found.counts if isinstance(story.found, MapSummary) else story.found.counts()
+    if seen is not None:
         note = "Each pose is counted under the first constraint that it fails. Bars are logarithmic."
-        left = markup.panel(markup.reason_bars(counts) + markup.paragraph(note, "muted"), "What became of the poses")
+        left = markup.panel(
+            markup.reason_bars(seen.counts) + markup.paragraph(note, "muted"), "What became of the poses"
+        )
     edit = edit_of(content, story)
     if edit is not None and content.check is not None:
         strip = markup.contact_strip(content.check.contact[edit.start : edit.stop], edit.start)
@@ -231,7 +239,9 @@ def _whole_scene(content: ReportContent) -> str:
     if scene is not None and content.check is not None:
         alt = f"Penetration, gap, contact and skate in each of {scene.n_frames} frames. {verdict_of(content)}"
         drawn = over_time(scene, content.check, limit_mm=content.limit_mm)
-        inner += markup.element("div", chart(drawn, alt, "Measured on the meshes; key segments are shaded."), class_="row")
+        inner += markup.element(
+            "div", chart(drawn, alt, "Measured on the meshes; key segments are shaded."), class_="row"
+        )
     costs = {story.name: story.cost for story in content.stories if story.cost}
     if costs:
         bars = chart(cost_bars(costs), "Cost of each key segment, m²", COST_WORDS)

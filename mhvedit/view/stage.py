@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array
+from mhvedit.geometry.arrays import ByteArray, FloatArray, Int32Array
 from mhvedit.geometry.planar import apply_pose, rotation
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.view.style import FLOOR, LABELS, lighter, rgb, time_colours
@@ -14,7 +14,7 @@ from mhvedit.volumes.history import MotionHistoryVolume
 from mhvedit.volumes.surface import surface_labels
 
 FLOOR_SIDE = 9.0  # m
-FLOOR_PIXELS = 900
+FLOOR_PIXELS = 800
 GRID_STEP = 0.5  # m
 FADE = (2.2, 4.2)  # m from the middle, where the grid begins and ends to fade
 SHADOW_HEIGHT = 0.45  # m, over which a shadow fades to a third
@@ -30,16 +30,21 @@ CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 
 def add_person(plotter: pyvista.Plotter, mesh: Mesh, colour: str, *, opacity: float = 1.0) -> None:
     """A captured body, smoothly shaded."""
+    if not len(mesh.faces):
+        return
     surface = pyvista.PolyData.from_regular_faces(mesh.vertices.astype(np.float32), mesh.faces)
     surface.point_data.active_normals = vertex_normals(mesh.vertices, mesh.faces)
     plotter.add_mesh(
-        surface, color=lighter(colour, PALER), opacity=opacity, smooth_shading=True, split_sharp_edges=False, ambient=0.22, diffuse=0.85,
-        specular=0.12, specular_power=12, render=False, reset_camera=False, show_scalar_bar=False,
+        surface, color=lighter(colour, PALER), opacity=opacity, smooth_shading=True, split_sharp_edges=False,
+        ambient=0.22, diffuse=0.85, specular=0.12, specular_power=12, render=False, reset_camera=False,
+        show_scalar_bar=False,
     )  # fmt: skip
 
 
 def add_ghost(plotter: pyvista.Plotter, mesh: Mesh, colour: str) -> None:
     """A body that one can look through: only its far side is drawn, so that what is in it stays clear."""
+    if not len(mesh.faces):
+        return
     surface = pyvista.PolyData.from_regular_faces(mesh.vertices.astype(np.float32), mesh.faces)
     surface.point_data.active_normals = vertex_normals(mesh.vertices, mesh.faces)
     plotter.add_mesh(
@@ -56,7 +61,7 @@ def vertex_normals(vertices: FloatArray, faces: Int32Array) -> FloatArray:
         [np.bincount(faces.ravel(), np.repeat(across[:, axis], 3), len(vertices)) for axis in range(3)], 1
     )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.where(length > 0, length, 1.0), np.float32)  # type: ignore[return-value]
+    return np.asarray(normals / np.where(length > 0, length, 1.0), np.float32)
 
 
 def add_voxels(plotter: pyvista.Plotter, volume: MotionHistoryVolume, colours: ByteArray, pose: FloatArray) -> None:
@@ -97,7 +102,7 @@ def voxel_faces(volume: MotionHistoryVolume, colours: ByteArray) -> tuple[FloatA
     """
     filled = np.pad(volume.filled, 1)
     blurred = gaussian_filter(filled.astype(np.float32), 1.2)
-    slopes = np.stack(np.gradient(blurred), -1)
+    slopes = np.stack([np.gradient(blurred, axis=axis) for axis in range(3)], -1)
     points, normals, shades = [], [], []
     for axis, one, two in FACE_AXES:
         for side in (-1, 1):
@@ -135,7 +140,9 @@ def add_floor(plotter: pyvista.Plotter, middle: FloatArray, bodies: list[FloatAr
         middle: (2,) m, where the floor is seen best.
         bodies: points of each, (N, 3) m.
     """
-    plane = pyvista.Plane(center=(middle[0], middle[1], -0.002), direction=(0, 0, 1), i_size=FLOOR_SIDE, j_size=FLOOR_SIDE)
+    plane = pyvista.Plane(
+        center=(middle[0], middle[1], -0.002), direction=(0, 0, 1), i_size=FLOOR_SIDE, j_size=FLOOR_SIDE
+    )
     texture = pyvista.Texture(floor_picture(middle, bodies))
     texture.InterpolateOn()
     texture.MipmapOn()
@@ -161,7 +168,7 @@ def _shadows(middle: FloatArray, bodies: list[FloatArray]) -> NDArray[np.float32
     cover = np.zeros((SHADOW_PIXELS, SHADOW_PIXELS), np.float32)
     for points in bodies:
         cells = np.floor((points[:, :2] - middle + FLOOR_SIDE / 2) / FLOOR_SIDE * SHADOW_PIXELS).astype(np.int64)
-        inside: BoolArray = ((cells >= 0) & (cells < SHADOW_PIXELS)).all(1)
+        inside = np.all((cells >= 0) & (cells < SHADOW_PIXELS), axis=1)
         near = np.exp(-np.maximum(points[:, 2], 0.0) / SHADOW_HEIGHT).astype(np.float32)
         np.maximum.at(cover, (cells[inside, 1], cells[inside, 0]), near[inside])
     blurred = gaussian_filter(cover, SHADOW_BLURS[0]) + gaussian_filter(cover, SHADOW_BLURS[1])

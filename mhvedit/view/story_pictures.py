@@ -94,7 +94,7 @@ def scene_filmstrip(
 
 
 def telling_frames(scene: EditedScene, n: int) -> list[int]:
-    """Frames spread over the scene, each moved to the nearest end of a key segment, if one is near: there things happen."""
+    """Frames spread over the scene, each moved to the nearest end of a key segment, if one is near."""
     even = np.linspace(0, scene.n_frames - 1, n)
     reach = 0.4 * scene.n_frames / max(1, n - 1)
     moments = np.array([frame for s in scene.segments for frame in (s.start, s.stop - 1)] or [0])
@@ -103,7 +103,7 @@ def telling_frames(scene: EditedScene, n: int) -> list[int]:
         nearest = int(moments[np.argmin(np.abs(moments - frame))])
         moved = nearest if abs(nearest - frame) <= reach and nearest not in chosen else round(float(frame))
         chosen.append(moved)
-    return sorted(chosen)
+    return sorted(set(chosen))
 
 
 def as_picture(array: ByteArray, alt: str, caption: str, *, quality: int | None = QUALITY) -> Picture:
@@ -117,7 +117,9 @@ def _scene_strip(content: ReportContent, strips: pyvista.Plotter) -> Picture | N
     picture = scene_filmstrip(content.scene, content.captures, things=content.things, plotter=strips)
     names = " and ".join(content.scene.subjects)
     seconds = ", ".join(f"{f / content.scene.fps:.1f}" for f in telling_frames(content.scene, SCENE_FRAMES))
-    return as_picture(picture, f"{names} at {seconds} seconds of the edited scene, seen from the side", "The edited scene")
+    return as_picture(
+        picture, f"{names} at {seconds} seconds of the edited scene, seen from the side", "The edited scene"
+    )
 
 
 def _story_pictures(
@@ -151,7 +153,9 @@ def _strip_pictures(
     numbers = [int(n) for n in np.unique(np.rint(np.linspace(start, stop - 1, STRIP_FRAMES)))]
     frames = [_pair(content, story, number) for number in numbers]
     picture = filmstrip(frames, [f"frame {number}" for number in numbers], plotter=strips)
-    alt = f"{story.name}: {story.a.subject} and {story.b.subject} in frames {', '.join(map(str, numbers))}, from the side"
+    alt = (
+        f"{story.name}: {story.a.subject} and {story.b.subject} in frames {', '.join(map(str, numbers))}, from the side"
+    )
     return (as_picture(picture, alt, f"The segment, frames {start} to {stop - 1} of the scene"),)
 
 
@@ -216,5 +220,3 @@ def _volume_pictures(content: ReportContent, story: SegmentStory, stills: pyvist
         )
         for colouring, text in words.items()
     )
-
-

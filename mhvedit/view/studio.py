@@ -1,6 +1,6 @@
 """One offscreen plotter and the cameras in front of it: the only module that knows pyvista's windows."""
 
-import ctypes.util
+import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ def studio(width: int, height: int) -> Iterator[pyvista.Plotter]:
     """
     check_can_draw()
     before = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it warns that there is no X server, which is why we are here
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # or it warns that there is no X server
     try:
         plotter = pyvista.Plotter(off_screen=True, window_size=(width, height), lighting="none")
         try:
@@ -65,12 +65,41 @@ def check_can_draw() -> None:
     """Make sure that VTK will find something to draw with: without it, it takes the whole process down.
 
     Raises:
-        MissingLibrary: there is neither a screen nor EGL.
+        MissingLibrary: there is neither EGL with a device nor a screen.
     """
-    if not sys.platform.startswith("linux") or os.environ.get("DISPLAY"):
-        return
-    if ctypes.util.find_library("EGL") is None or ctypes.util.find_library("GL") is None:
+    if sys.platform.startswith("linux") and not (_has_egl_device() or _has_screen()):
         raise MissingLibrary("drawing in 3D", INSTALL)
+
+
+def _has_egl_device() -> bool:
+    """Whether EGL is there and knows something to draw with, be it software."""
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+        egl.eglGetProcAddress.restype = ctypes.c_void_p
+        address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
+    except (OSError, AttributeError):
+        return False
+    if not address:
+        return False
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int))(address)
+    count = ctypes.c_int(0)
+    return bool(query(0, None, ctypes.byref(count))) and count.value > 0
+
+
+def _has_screen() -> bool:
+    """Whether an X server answers and OpenGL is there."""
+    if not os.environ.get("DISPLAY"):
+        return False
+    try:
+        ctypes.CDLL("libGL.so.1")
+        x11 = ctypes.CDLL("libX11.so.6")
+    except OSError:
+        return False
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    screen = x11.XOpenDisplay(None)
+    if screen:
+        x11.XCloseDisplay(ctypes.c_void_p(screen))
+    return bool(screen)
 
 
 def take_picture(plotter: pyvista.Plotter, camera: Camera) -> ByteArray:

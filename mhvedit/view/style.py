@@ -70,7 +70,10 @@ def reason_colours(reasons: Sequence[str]) -> list[str]:
     """A light colour for each reason of a reason map, by name; names that are new get one of their own."""
     unknown = [reason for reason in reasons if reason not in REASONS and reason != "accepted"]
     spare = {reason: OTHER_REASONS[i % len(OTHER_REASONS)] for i, reason in enumerate(unknown)}
-    return [solution_colour(0.5) if reason == "accepted" else REASONS.get(reason, spare.get(reason, "")) for reason in reasons]
+    return [
+        solution_colour(0.5) if reason == "accepted" else REASONS.get(reason, spare.get(reason, ""))
+        for reason in reasons
+    ]
 
 
 def solution_ramp(shares: FloatArray) -> FloatArray:
@@ -87,7 +90,7 @@ def solution_ramp(shares: FloatArray) -> FloatArray:
 
 def solution_colour(share: float) -> str:
     """One colour of the ramp of solutions, as hex."""
-    red, green, blue = (int(round(255 * channel)) for channel in solution_ramp(np.array(share))[:3])
+    red, green, blue = (round(255 * float(channel)) for channel in solution_ramp(np.array(share))[:3])
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 

@@ -92,6 +92,23 @@ def select_voxels(
     return chosen
 
 
+def select_points(part: Selection, points: FloatArray, *, mesh: Mesh, number: int) -> BoolArray:
+    """Which points belong to a part.
+
+    Args:
+        part: a part of the subject's own mesh.
+        points: (N, 3) m, in the capture's frame.
+        mesh: the frame's mesh, in the capture's frame.
+        number: frame number.
+
+    Returns:
+        (N,).
+    """
+    if isinstance(part, WholeBody):
+        return np.ones(len(points), np.bool_)
+    return _belongs(part, points, mesh, number)
+
+
 def joint_positions(tracks: JointTracks, joints: tuple[str, ...], number: int) -> FloatArray:
     """Where joints are in one frame: (len(joints), 3) m; NaN rows where the tracks do not say."""
     row = np.searchsorted(tracks.numbers, number)

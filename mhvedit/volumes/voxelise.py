@@ -2,8 +2,8 @@
 
 What counts as inside. A ray along an axis through a voxel's centre crosses the surface; each crossing enters or
 leaves, and the sum up to the centre is the winding number seen by that ray. A ray whose crossings balance votes
-"inside" where its winding number is positive; one whose crossings do not balance (holes, flipped or missing faces) or
-go negative votes by parity, counted from either end. A mesh without boundary (every edge is run through equally often
+"inside" where its winding number is not zero; one whose crossings do not balance (holes, flipped or missing faces), or
+whose winding number changes sign, votes by parity, counted from either end. A mesh without boundary (every edge is run through equally often
 both ways) needs the rays along z only; any other takes the six rays along x, y and z, and a voxel is inside where at
 least four agree.
 
@@ -64,10 +64,10 @@ def ray_votes(scaled: FloatArray, faces: Int32Array, shape: tuple[int, int, int]
     """
     order = [(axis + 1) % 3, (axis + 2) % 3, axis]
     turned = np.ascontiguousarray(scaled[:, order])
-    snapped = np.rint(turned[:, :2] * SNAP).astype(np.int64)
+    snapped = np.rint(turned * SNAP).astype(np.int64)
     columns = (shape[order[0]], shape[order[1]])
     starts = _count_crossings(snapped, faces, columns[0], columns[1])
-    heights, signs = _record_crossings(snapped, turned[:, 2], faces, columns[0], columns[1], starts)
+    heights, signs = _record_crossings(snapped, snapped[:, 2] / SNAP, faces, columns[0], columns[1], starts)
     votes = np.zeros((*columns, shape[axis]), np.uint8)
     _vote(starts, heights, signs, votes)
     return np.ascontiguousarray(votes.transpose(np.argsort(order)))
@@ -205,17 +205,17 @@ def _vote(starts: IntArray, heights: FloatArray, signs: IntArray, votes: ByteArr
 
 @njit(cache=True, nogil=True, inline="always")
 def _balances(signs: IntArray, order: IntArray) -> bool:
-    winding = 0
+    """Whether the crossings add up to nothing and the winding number never changes its sign on the way."""
+    winding, least, most = 0, 0, 0
     for c in order:
         winding += signs[c]
-        if winding < 0:
-            return False
-    return winding == 0
+        least, most = min(least, winding), max(most, winding)
+    return winding == 0 and (least == 0 or most == 0)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _ray_pair_vote(balanced: bool, winding: int, crossed: int, total: int) -> int:
     """Votes of the ray from below and the ray from above at a point with `crossed` of `total` crossings below it."""
     if balanced:
-        return 2 if winding > 0 else 0
+        return 2 if winding != 0 else 0
     return crossed % 2 + (total - crossed) % 2

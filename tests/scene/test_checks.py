@@ -146,7 +146,7 @@ def test_three_people_are_checked_in_pairs() -> None:
 
 
 def test_what_is_held_is_solid_and_can_be_a_part() -> None:
-    edit = scene({"a": at(0.0), "b": at(1.6, 0.0, np.pi)}, segment("cross", 0, N, "0&0a"))
+    edit = scene({"a": at(0.0), "b": at(1.6, 0.013, np.pi + 0.01)}, segment("cross", 0, N, "0&0a"))
     captures = {name: capture(name) for name in "ab"}
     report = check_scene(
         edit,

@@ -110,7 +110,8 @@ def test_depths_and_touch_are_the_judge_s(name: str, most: int, judge: ModuleTyp
             bodies.append(judged(judge, a, b, *whole))
             parts.append(judged(judge, a, b, *masks))
         near = np.array(bodies) < 0.1
-        assert segment.body_gap[near] == pytest.approx(np.array(bodies)[near], abs=1e-3)
+        longer = np.array(bodies)[near] - segment.body_gap[near]  # the judge knows no distances between edges
+        assert (longer > -1e-4).all() and (longer < 3e-3).all()
         assert segment.deepest == pytest.approx(max(0.0, -min(bodies)), abs=1e-4)
         assert touch_string(segment.body_gap) == touch_string(np.array(bodies))
         assert touch_string(segment.reach_gap) == touch_string(np.array(parts))

@@ -88,16 +88,19 @@ def test_any_and_every_agree_with_brute_force(seed: int, stride: int, words: int
         check(a, b, float(rng.choice([0, 1, np.pi / 2, 4])), base, stride, asked, every)
 
 
-def test_large_blocks_of_shifts_are_settled_as_a_whole_and_rightly() -> None:
-    """A slab of several top-level blocks: inside it all shifts meet, and the border is exact."""
-    slab = MotionHistoryVolume(VoxelGrid((-41, -23, 0), (85, 70, 3), 0.01), np.full((85, 70, 3, 1), 1, np.uint64), 1)
+@pytest.mark.parametrize(
+    ("start", "shape"), [((-41, -23, 0), (85, 70, 3)), ((-48, -32, 0), (96, 64, 16)), ((-33, -31, 1), (65, 62, 1))]
+)
+def test_large_blocks_of_shifts_are_settled_as_a_whole_and_rightly(start: Voxel, shape: Voxel) -> None:
+    """A slab of several top-level blocks, off and on their borders: inside all shifts meet, and the border is exact."""
+    slab = MotionHistoryVolume(VoxelGrid(start, shape, 0.01), np.full((*shape, 1), 1, np.uint64), 1)
     dot = MotionHistoryVolume(VoxelGrid((7, -3, 1), (1, 1, 1), 0.01), np.full((1, 1, 1, 1), 1, np.uint64), 1)
-    asked = np.ones((120, 100), np.bool_)
-    base = np.array([-60, -35])
-    found = meets(pyramid_of(slab), turned(columns_of(dot), 0.0), base=base, stride=1, asked=asked)
-    x, y = np.arange(120) - 60 + 7, np.arange(100) - 35 - 3
-    inside = ((x >= -41) & (x < 44))[:, None] & ((y >= -23) & (y < 47))[None]
-    np.testing.assert_array_equal(found, inside)
+    asked = np.ones((130, 110), np.bool_)
+    found = meets(pyramid_of(slab), turned(columns_of(dot), 0.0), base=np.array([-65, -40]), stride=1, asked=asked)
+    x, y = np.arange(130) - 65 + 7, np.arange(110) - 40 - 3
+    inside_x = (x >= start[0]) & (x < start[0] + shape[0])
+    inside_y = (y >= start[1]) & (y < start[1] + shape[1])
+    np.testing.assert_array_equal(found, inside_x[:, None] & inside_y[None])
 
 
 def test_every_needs_all_bits_but_not_all_in_one_voxel() -> None:

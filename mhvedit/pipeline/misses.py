@@ -1,0 +1,104 @@
+"""Why a segment has no solution: which constraint kills it, and how far the nearest pose is from passing."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mhvedit.constraints.dictionary import NO_CONTACT, TOUCHES_OTHERWISE
+from mhvedit.constraints.fidelity import BODIES_MEET, TOO_DEEP
+from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
+from mhvedit.pipeline.people import Person
+from mhvedit.pipeline.segments import (
+    SolvedSegment,
+    segment_clauses,
+    segment_cones,
+    segment_volumes,
+)
+from mhvedit.project.schema import SceneFile, SegmentSpec
+from mhvedit.search.solve import OUTSIDE, SightTest, search_poses
+
+LOOSER_VOXELS = (1, 2, 3, 4, 6, 8, 12, 16, 24)
+LOOSER_FRAMES = (1, 2, 3, 4, 6, 8)
+LOOSER_METRES = (0.01, 0.02, 0.03, 0.05, 0.08, 0.12)
+LOOSER_DEGREES = (5, 10, 15, 20, 30, 45, 60, 90)
+MOST_POSES = 2_000_000  # poses that a looser constraint is tried on; more are thinned out evenly
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """What an empty solution group has to say."""
+
+    killed_by: str  # the constraint that the poses which got furthest failed
+    poses: int  # how many got that far
+    nearest: str  # what would let one pass
+    passes_with: str  # the setting that does, as it would stand in the scene file; empty where none was found
+
+
+def explain_empty(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Person], *, workers: int) -> Miss:
+    """Find out what an empty group would need.
+
+    Args:
+        scene: the scene file.
+        segment: solved, and empty.
+        people: by name.
+        workers: threads.
+    """
+    reason = segment.found.reason
+    if not (reason > OUTSIDE).any():
+        return Miss("the window", 0, "the window holds no pose at all: enlarge search.window", "")
+    furthest = int(reason.max())
+    among = _thinned(np.asarray(reason == furthest))
+    killed_by, count = segment.found.reasons[furthest], int((reason == furthest).sum())
+    volumes = segment_volumes(scene, segment.spec, people, segment.pair)
+    for spec, words in _loosened(segment.spec, killed_by):
+        cones = segment_cones(spec, people, segment.pair)
+        sight = None if cones is None else SightTest(cones, volumes[0].body, volumes[1].body)
+        clauses = segment_clauses(spec, *volumes, pitch=scene.search.voxel)
+        found = search_poses(segment.found.grid, clauses, sight=sight, among=among, workers=workers)
+        passing = int(found.accepted.sum())
+        if passing:
+            return Miss(killed_by, count, f"with {words} {passing:,} poses would pass", words)
+    return Miss(killed_by, count, "no pose passes even with a much larger tolerance of that constraint alone", "")
+
+
+def _thinned(among: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    count = int(among.sum())
+    if count <= MOST_POSES:
+        return among
+    kept = np.zeros_like(among)
+    where = np.argwhere(among)[:: -(-count // MOST_POSES)]
+    kept[tuple(where.T)] = True
+    return kept
+
+
+def _loosened(spec: SegmentSpec, killed_by: str) -> Iterator[tuple[SegmentSpec, str]]:
+    """Ever looser versions of the setting behind a reason, smallest change first."""
+    tolerance = spec.tolerance
+    if killed_by == BODIES_MEET:
+        for more in LOOSER_METRES:
+            value = round(tolerance.apart + more, 4)
+            yield replace(spec, tolerance=replace(tolerance, apart=value)), f"tolerance.apart = {value:g}"
+    elif killed_by == TOO_DEEP:
+        for more in LOOSER_METRES:
+            value = round(tolerance.depth + more, 4)
+            yield replace(spec, tolerance=replace(tolerance, depth=value)), f"tolerance.depth = {value:g}"
+    elif killed_by in (NOT_SEEN_BY_A, NOT_SEEN_BY_B) and spec.visibility is not None:
+        for more in LOOSER_DEGREES:
+            angle = min(180.0, np.degrees(spec.visibility.half_angle) + more)
+            wider = replace(spec.visibility, half_angle=float(np.radians(angle)))
+            yield replace(spec, visibility=wider), f"visibility.half_angle = {angle:g}"
+    else:
+        yield from _looser_contact(spec, killed_by)
+
+
+def _looser_contact(spec: SegmentSpec, killed_by: str) -> Iterator[tuple[SegmentSpec, str]]:
+    tolerance = spec.tolerance
+    if killed_by != NO_CONTACT:
+        for frames in LOOSER_FRAMES:
+            value = tolerance.frames + frames
+            yield replace(spec, tolerance=replace(tolerance, frames=value)), f"tolerance.frames = {value}"
+    if killed_by != TOUCHES_OTHERWISE:
+        for voxels in LOOSER_VOXELS:
+            near = tolerance.voxels + voxels
+            yield replace(spec, tolerance=replace(tolerance, voxels=near)), f"tolerance.voxels = {near:g}"

@@ -1,0 +1,168 @@
+"""The output folder: written beside and renamed, one run at a time."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mhvedit.errors import OutputBusy
+from mhvedit.pipeline.assemble import captured_poses
+from mhvedit.pipeline.job import Result
+from mhvedit.pipeline.segments import SolvedSegment
+from mhvedit.scene.edit import edit_as_dict
+from mhvedit.scene.report import SceneReport, report_as_dict
+from mhvedit.search.solve import ReasonMap
+
+EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
+    "edit.json", "solutions", "report.json", "report.html", ".cache", "scene.json",
+)  # fmt: skip
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """Hold an output folder for one run.
+
+    Args:
+        folder: made if it is not there.
+
+    Raises:
+        OutputBusy: another run holds it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            raise OutputBusy(folder, f"process {lock.read().strip() or '?'} at work there") from None
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        yield
+
+
+def write_result(folder: Path, result: Result) -> None:
+    """Write `edit.json`, the solution groups and where the scene came from; what no longer holds is taken away.
+
+    Args:
+        folder: of the output.
+        result: of a solve.
+    """
+    solutions = folder / SOLUTIONS
+    solutions.mkdir(parents=True, exist_ok=True)
+    for segment in result.segments:
+        write_solutions(solutions / f"{segment.spec.name}.npz", segment, result)
+    known = {f"{segment.spec.name}.npz" for segment in result.segments}
+    for stale in solutions.glob("*.npz"):
+        if stale.name not in known:
+            stale.unlink()
+    write_json(folder / SOURCE, {"scene": os.path.relpath(result.job.scene.file, folder)})
+    if result.assembly is None:
+        (folder / EDIT).unlink(missing_ok=True)
+    else:
+        write_json(folder / EDIT, edit_as_dict(result.assembly.scene))
+
+
+def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
+    """Write a whole solution group and its map of reasons; poses are of B's capture frame in A's."""
+    a, b = (result.people[name] for name in segment.spec.between)
+    group, grid = segment.group, segment.found.grid
+    poses = captured_poses(group.poses, a, b)
+    arrays = {
+        "x": poses[:, 0],
+        "y": poses[:, 1],
+        "yaw": poses[:, 2],
+        "distance": group.distance,
+        "theta_a": group.theta_a,
+        "theta_b": group.theta_b,
+        "region": group.region.astype(np.int64),
+        "clearance": group.clearance,
+        "penalty": segment.penalty,
+        "reason": segment.found.reason,
+        "reasons": np.array(segment.found.reasons),
+        "axes_x": grid.offsets,
+        "axes_y": grid.offsets,
+        "axes_yaw": grid.yaws,
+        "base": grid.base,
+        "step": np.float64(grid.step),
+        "canonical_a": a.pose,
+        "canonical_b": b.pose,
+    }
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with beside.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[str, ...]) -> dict[str, Any]:
+    """The content of `report.json`."""
+    assembly = result.assembly
+    chosen = assembly.chosen if assembly else (None,) * len(result.segments)
+    return {
+        "name": result.job.scene.name,
+        "solved": assembly is not None,
+        "failure": str(result.failure) if result.failure else None,
+        "cost": assembly.scene.cost if assembly else None,
+        "lower_bound": assembly.scene.lower_bound if assembly else None,
+        "gap": assembly.scene.gap if assembly else None,
+        "chains_of_equal_cost": assembly.placements.equals if assembly else None,
+        "segments": [_segment_as_dict(s, row, result) for s, row in zip(result.segments, chosen, strict=True)],
+        "left_out": [
+            {"frame": s.start, "frames": list(s.left_out)} for s in (assembly.stretches if assembly else ()) if any(s.left_out)
+        ],
+        "estimated": {name: list(person.estimated) for name, person in result.people.items()},
+        "seconds": {stage: round(spent, 3) for stage, spent in result.seconds.items()},
+        "check": None if check is None else report_as_dict(check),
+        "problems": list(problems),
+    }
+
+
+def _segment_as_dict(segment: SolvedSegment, row: int | None, result: Result) -> dict[str, Any]:
+    miss = result.misses.get(segment.spec.name)
+    group = segment.group
+    found: dict[str, Any] = {
+        "name": segment.spec.name,
+        "interaction": segment.spec.interaction.value,
+        "between": list(segment.spec.between),
+        "frames": segment.pair.n_frames,
+        "solutions": len(group),
+        "regions": int(group.region.max(initial=-1)) + 1,
+        "rejected": rejected(segment.found),
+    }
+    if row is not None:
+        found["chosen"] = {
+            "row": row,
+            "clearance_m": float(group.clearance[row]),
+            "penalty_m": float(segment.penalty[row]),
+            "distance_m": float(group.distance[row]),
+            "theta_a_deg": float(np.degrees(group.theta_a[row])),
+            "theta_b_deg": float(np.degrees(group.theta_b[row])),
+        }
+    if miss is not None:
+        found["killed_by"] = miss.killed_by
+        found["poses_that_got_that_far"] = miss.poses
+        found["nearest"] = miss.nearest
+    return found
+
+
+def rejected(found: ReasonMap) -> Mapping[str, int]:
+    """How many poses each constraint rejected first."""
+    return {name: count for name, count in found.counts().items() if name != "accepted"}
+
+
+def write_json(path: Path, content: Any) -> None:  # noqa: ANN401
+    """Write JSON beside, then rename; not-a-number is refused."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
