@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray, IntArray
 from mhvedit.geometry.planar import rotation, wrap_angle
@@ -49,6 +50,7 @@ NEAREST_VIEW = 0.8  # m, half the side of the smallest map
 ARROW_BINS = 30  # arrows of facing along a map's side
 FACING_BINS = 24  # directions of facing that are told apart
 DIAL_BINS = 36
+SHORTEST_ARROW = 0.42  # m
 EMPTY = "no pose fits"
 
 
@@ -120,7 +122,7 @@ def placement_map(
     draw_reasons(best, seen, frame)
     _draw_ways(ways, seen.grid, group, frame, facing_b, half)
     for axes in (best, ways):
-        _draw_people(axes, seen.grid, group, chosen, frame, facing_b, names, bodies)
+        _draw_people(axes, seen.grid, group, chosen, frame, facing_b, names, bodies, max(SHORTEST_ARROW, 0.17 * half))
         _set_extent(axes, middle, half, names[0])
     dress(best, title=f"Where {shorter(names[1], 16)} can stand", x=_across(names[0]), y=_ahead(names[0]))
     dress(ways, title=f"… and which way {shorter(names[1], 16)} faces there", x=_across(names[0]))
@@ -162,7 +164,7 @@ def draw_dial(axes: PolarAxes, group: SolutionGroup, chosen: int | None, *, turn
     axes.set_ylim(0, 1.05)
     axes.set_yticks([])
     axes.set_xticks(np.radians([0, 90, 180, 270]), ["−90°", "0°", "90°", "180°"])
-    axes.tick_params(labelsize=SMALL, colors=MUTED, pad=1)
+    axes.tick_params(labelsize=SMALL, colors=MUTED, pad=4)
     axes.spines["polar"].set_color(GRID)
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_title(f"{shorter(name, 14)}’s facing", fontsize=TEXT, color=INK, pad=9)
@@ -187,6 +189,7 @@ def _set_extent(axes: Axes, middle: FloatArray, half: float, name: str) -> None:
     axes.set_ylim(middle[1] - half, middle[1] + half)
     axes.set_aspect("equal")
     axes.set_facecolor(PAPER)
+    axes.xaxis.set_major_locator(MaxNLocator(7, prune="both"))
     draw_scale(axes)
 
 
@@ -208,17 +211,19 @@ def _draw_ways(
     cell = 2 * half / ARROW_BINS
     roots = frame.points(rotation(group.poses[:, 2]) @ grid.root_b + group.poses[:, :2])
     facing = wrap_angle(group.poses[:, 2] + frame.turn + facing_b)
-    bins = np.concatenate(
-        [np.floor(roots / cell), np.floor((facing[:, None] + np.pi) / (2 * np.pi) * FACING_BINS)], 1
-    ).astype(np.int64)
-    fans = np.unique(bins, axis=0)
-    centre = (fans[:, :2] + 0.5) * cell
+    low = roots.min(0)
+    across = np.floor((roots - low) / cell).astype(np.int64)
+    way = np.floor((facing + np.pi) / (2 * np.pi) * FACING_BINS).astype(np.int64) % FACING_BINS
+    fan = np.zeros((*(across.max(0) + 1), FACING_BINS), bool)
+    fan[across[:, 0], across[:, 1], way] = True
+    fans = np.argwhere(fan)
+    centre = low + (fans[:, :2] + 0.5) * cell
     angle = (fans[:, 2] + 0.5) * (2 * np.pi / FACING_BINS) - np.pi
     tips = centre + 0.85 * cell * np.stack([np.cos(angle), np.sin(angle)], 1)
     axes.add_collection(
         LineCollection(list(np.stack([centre, tips], 1)), colors=solution_colour(0.6), linewidths=1.3, zorder=2)
     )
-    dots = np.unique(centre, axis=0)
+    dots = low + (np.argwhere(fan.any(2)) + 0.5) * cell
     axes.scatter(dots[:, 0], dots[:, 1], s=5, color=solution_colour(1.0), zorder=2.1)
 
 
@@ -231,9 +236,10 @@ def _draw_people(
     facing_b: float,
     names: tuple[str, str],
     bodies: ShownBodies | None,
+    length: float,
 ) -> None:
     """A, and B in the chosen pose."""
-    _draw_one(axes, np.zeros(2), np.pi / 2, names[0], SUBJECTS[0])
+    _draw_one(axes, np.zeros(2), np.pi / 2, names[0], SUBJECTS[0], length)
     if bodies is not None:
         outlines = plan_outlines(bodies.a, bodies.frame, np.zeros(3))
         draw_outlines(axes, [frame.points(outline) for outline in outlines], SUBJECTS[0])
@@ -244,7 +250,7 @@ def _draw_people(
     pose = group.poses[chosen]
     at = frame.points(rotation(pose[2]) @ grid.root_b + pose[:2])
     facing = float(pose[2] + frame.turn + facing_b)
-    _draw_one(axes, at, facing, names[1], SUBJECTS[1])
+    _draw_one(axes, at, facing, names[1], SUBJECTS[1], length)
     if bodies is not None:
         outlines = plan_outlines(bodies.b, bodies.frame, pose)
         draw_outlines(axes, [frame.points(outline) for outline in outlines], SUBJECTS[1])
@@ -254,9 +260,9 @@ def _draw_people(
     axes.plot([0, at[0]], [0, at[1]], color=INK, linewidth=1.2, linestyle=(0, (4, 3)), zorder=5.5)
 
 
-def _draw_one(axes: Axes, at: FloatArray, facing: float, name: str, colour: str) -> None:
-    draw_facing(axes, at, facing, colour, length=0.42)
-    draw_name(axes, at - 0.27 * np.array([np.cos(facing), np.sin(facing)]), shorter(name, 12), colour)
+def _draw_one(axes: Axes, at: FloatArray, facing: float, name: str, colour: str, length: float) -> None:
+    draw_facing(axes, at, facing, colour, length=length)
+    draw_name(axes, at - 0.64 * length * np.array([np.cos(facing), np.sin(facing)]), shorter(name, 12), colour)
 
 
 def _draw_legend(figure: Figure, seen: MapSummary) -> None:

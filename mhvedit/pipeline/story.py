@@ -1,0 +1,197 @@
+"""What the report is told: the result in plain data, subject by subject and segment by segment."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.planar import wrap_angle
+from mhvedit.pipeline.job import Result
+from mhvedit.pipeline.people import Person
+from mhvedit.pipeline.segments import SolvedSegment, segment_parts, segment_volumes
+from mhvedit.project.schema import SegmentSpec
+from mhvedit.scene.report import SceneReport
+from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.view.charts import SceneCheck
+from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory, StorySide
+from mhvedit.volumes.parts import OwnMesh
+from mhvedit.volumes.subject import SubjectVolumes, part_of
+
+DOUBTFUL_FACING = 0.3  # trust below which an estimated facing is pointed out
+
+
+def report_content(
+    result: Result, check: SceneReport | None, *, problems: tuple[str, ...], warnings: tuple[str, ...], limit_mm: float
+) -> ReportContent:
+    """Everything that the report shows.
+
+    Args:
+        result: of a solve.
+        check: of its scene, if there is one.
+        problems: thresholds that are passed, in sentences.
+        warnings: about the captures, in sentences.
+        limit_mm: how deep bodies may sink into each other.
+    """
+    scene = None if result.assembly is None else result.assembly.scene
+    stories = [_story(result, index) for index in range(len(result.segments))]
+    centres = {}
+    if scene is not None:
+        centres = {name: result.people[name].centres_at(edit.source) for name, edit in scene.subjects.items()}
+    return ReportContent(
+        name=result.job.scene.name,
+        stories=stories,
+        scene=scene,
+        captures={name: person.sequence for name, person in result.people.items()},
+        things={name: _things(person) for name, person in result.people.items()},
+        check=None if check is None else scene_check(check),
+        limit_mm=limit_mm,
+        centres=centres,
+        passed=scene is not None and not problems,
+        about=[_about(name, person) for name, person in result.people.items()],
+        warnings=[*warnings, *problems, *_dropped(result)],
+        settings=_settings(result),
+        stage_seconds=result.seconds,
+    )
+
+
+def scene_check(report: SceneReport) -> SceneCheck:
+    """The check as the charts take it; the pair is the only one."""
+    pair = report.pairs[0]
+    gap = np.where(np.isfinite(pair.gap), pair.gap, np.nan)
+    contact = np.zeros(report.n_frames, np.bool_)
+    for segment in report.segments:
+        contact[list(segment.contact_frames)] = True
+    return SceneCheck(
+        penetration_mm=np.where(np.isnan(gap), 0.0, np.maximum(-gap, 0.0)) * 1000,
+        gap_mm=np.maximum(gap, 0.0) * 1000,
+        contact=contact,
+        added_skate={m.subject: _per_frame(m.skate) * report.fps for m in report.motions},
+    )
+
+
+def _per_frame(steps: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.nan_to_num(steps)])
+
+
+def _things(person: Person) -> list[MeshSequence]:
+    return [part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh)]
+
+
+def _story(result: Result, index: int) -> SegmentStory:
+    segment, assembly = result.segments[index], result.assembly
+    spec = segment.spec
+    volumes = segment_volumes(result.job.scene, spec, result.people, segment.pair)
+    sides = [
+        _side(result, segment, name, numbers, volume, facing)
+        for name, numbers, volume, facing in zip(
+            spec.between, (segment.pair.a, segment.pair.b), volumes, segment.facing, strict=True
+        )
+    ]
+    chosen = None if assembly is None else assembly.chosen[index]
+    miss = result.misses.get(spec.name)
+    return SegmentStory(
+        name=spec.name,
+        interaction=spec.interaction.value,
+        a=sides[0],
+        b=sides[1],
+        n_frames=segment.pair.n_frames,
+        found=segment.found,
+        group=segment.group,
+        chosen=chosen,
+        asked=_asked(spec),
+        half_angle=None if spec.visibility is None else spec.visibility.half_angle,
+        killed_by="" if miss is None else miss.killed_by,
+        nearest="" if miss is None else miss.nearest,
+        figures={} if chosen is None else _figures(segment, chosen),
+        notes=_notes(result, segment, chosen),
+    )
+
+
+def _side(
+    result: Result, segment: SolvedSegment, name: str, numbers: IntArray, volumes: SubjectVolumes, facing: float
+) -> StorySide:
+    person = result.people[name]
+    part = segment_parts(segment.spec)[segment.spec.between.index(name)]
+    shown = numbers[0] if "-" in segment.spec.interaction.value else numbers[-1]
+    row = int(np.searchsorted(person.gaze.numbers, shown))
+    known = row < len(person.gaze.numbers) and person.gaze.numbers[row] == shown
+    return StorySide(
+        subject=name,
+        part=part,
+        frames=(segment.spec.frames[name].start, segment.spec.frames[name].stop - 1),
+        facing=facing,
+        part_volume=part_of(volumes, part),
+        body_volume=volumes.body,
+        eye=person.gaze.eye[row] if known else None,
+        gaze=person.gaze.direction[row] if known else None,
+    )
+
+
+def _asked(spec: SegmentSpec) -> list[str]:
+    tolerance = spec.tolerance
+    words = [
+        f"contact may miss by {tolerance.frames} frames and {tolerance.voxels:g} voxels",
+        f"parts may sink {tolerance.depth * 1000:.0f} mm, bodies may overlap {tolerance.apart * 1000:.0f} mm",
+    ]
+    if spec.visibility is not None:
+        words.append(f"each in the other's cone of {np.degrees(spec.visibility.half_angle):g} degrees half angle")
+    return words
+
+
+def _figures(segment: SolvedSegment, row: int) -> dict[str, str]:
+    return {
+        "clearance to the nearest rejected pose": f"{segment.group.clearance[row] * 1000:.0f} mm",
+        "quality penalty": f"{segment.penalty[row]:.3f} m",
+    }
+
+
+def _notes(result: Result, segment: SolvedSegment, chosen: int | None) -> list[str]:
+    if chosen is None or result.assembly is None:
+        return []
+    equals = result.assembly.placements.equals
+    return [f"{equals:,} chains cost the same; clearance and contact quality decided."] if equals > 1 else []
+
+
+def _about(name: str, person: Person) -> CaptureStory:
+    numbers = person.sequence.numbers
+    trust = float(np.median(person.facing.trust))
+    steps = np.degrees(np.abs(wrap_angle(np.diff(person.facing.yaw))))
+    notes = []
+    if "facing" in person.estimated and trust < DOUBTFUL_FACING:
+        notes.append("The facing is a doubtful estimate: look at it, and give `facing` in the scene file if it is wrong.")
+    if len(steps) and steps.max() > 60:
+        notes.append(f"The facing jumps by {steps.max():.0f} degrees at frame {numbers[int(steps.argmax()) + 1]}.")
+    return CaptureStory(
+        name=name,
+        facts={
+            "frames": f"{len(numbers)}, numbers {numbers[0]} to {numbers[-1]}",
+            "rate": f"{person.sequence.fps:g} frames a second",
+        },
+        facing="estimated from the meshes" if "facing" in person.estimated else "as given in the scene file",
+        facing_trust=trust if "facing" in person.estimated else None,
+        gaze="estimated from the meshes" if "gaze" in person.estimated else "as given in the scene file",
+        notes=notes,
+    )
+
+
+def _dropped(result: Result) -> list[str]:
+    if result.assembly is None:
+        return []
+    names = result.job.scene.segments[0].between
+    return [
+        f"At frame {s.start} of the scene {count} frames of {name} are left out, because the other has none there."
+        for s in result.assembly.stretches
+        for name, count in zip(names, s.left_out, strict=True)
+        if count
+    ]
+
+
+def _settings(result: Result) -> Mapping[str, str]:
+    search, optimise = result.job.scene.search, result.job.scene.optimise
+    return {
+        "voxel": f"{search.voxel * 1000:g} mm",
+        "step": f"{search.step * 1000:g} mm, {np.degrees(search.yaw_step):g} degrees",
+        "window": f"{search.window:g} m",
+        "facing weight": f"{optimise.facing_weight:g} m²",
+        "path": f"acceleration {optimise.acceleration:g}, alpha {optimise.alpha:g}",
+    }
