@@ -15,6 +15,7 @@ from .vectors import Floats, Ints
 BITS = 12
 BODY_STEP, SWORD_STEP = 0.0005, 0.00025  # m
 SHORT = (1, 2, 3)  # the segments of the short scene
+COARSE = "[search]\nstep = 0.02\nyaw_step = 4\n"  # its search, for a demo in less than a minute
 LEAD = 4  # frames before the first and after the last of them
 
 
@@ -73,7 +74,8 @@ def _scene(name: str, clocks: dict[str, Clock], chosen: list[int], *, short: boo
         cut = f"frames = [{ranges[0][0] - LEAD}, {ranges[-1][1] + LEAD}]\n" if short else ""
         subjects.append(_subject(who, cut))
     segments = [_segment(SEGMENTS[i], {who: clocks[who].segments[i] for who in clocks}) for i in chosen]
-    return "\n".join([f'version = 1\nname = "{name}"\nfps = 25\n', *subjects, *segments])
+    search = [COARSE] if short else []
+    return "\n".join([f'version = 1\nname = "{name}"\nfps = 25\n', *subjects, *segments, *search])
 
 
 def _subject(who: str, cut: str) -> str:

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
-from mhvedit.geometry.planar import rotation, wrap_angle
+from mhvedit.geometry.planar import rotation
 from mhvedit.optimise.stages import Stage
+
+ComplexArray = NDArray[np.complex128]
 
 SAMPLE = 500  # solutions a stage when looking for a first chain
 NEAR = np.radians(12)  # yaw against the gauge of solutions that a first chain may use
@@ -54,17 +57,14 @@ def stage_costs(stages: Sequence[Stage], *, facing_weight: float) -> tuple[Stage
         inner = [2 * float((np.diff(roots, axis=0) ** 2).sum()) for roots in (s.roots_a, s.roots_b)]
         facing = 2 * facing_weight * len(s.names)
         shifts = s.poses[:, :2] + rotation(s.poses[:, 2]) @ middle_b - middle_a
-        prepared.append(
-            StageCosts(
-                s.keys, shifts, s.poses[:, 2], s.roots_a - middle_a, s.roots_b - middle_b,
-                facing + inner[0], facing + inner[1],
-            )  # fmt: skip
-        )
+        roots = s.roots_a - middle_a, s.roots_b - middle_b
+        weights = facing + inner[0], facing + inner[1]
+        prepared.append(StageCosts(s.keys, shifts, s.poses[:, 2], *roots, *weights))
     return tuple(prepared)
 
 
 def change_of_offset(stage: StageCosts, rows: IntArray, turn: FloatArray, gauge: float, which: int) -> FloatArray:
-    """e = d - D at the stage's first (0) or last (-1) roots.
+    """The change e = d - D at the stage's first (0) or last (-1) roots.
 
     Args:
         stage: of the chain.
@@ -84,7 +84,12 @@ def change_of_offset(stage: StageCosts, rows: IntArray, turn: FloatArray, gauge:
 
 def facing_cost(stage: StageCosts, mismatch: FloatArray, turn: FloatArray) -> FloatArray:
     """What turning both away from how they faced costs; `mismatch` is yaw - gauge."""
-    return np.asarray(stage.weight_a * (1 - np.cos(turn)) + stage.weight_b * (1 - np.cos(turn + mismatch)))
+    return np.asarray(stage.weight_a * one_less_cos(turn) + stage.weight_b * one_less_cos(turn + mismatch))
+
+
+def one_less_cos(angle: FloatArray) -> FloatArray:
+    """1 - cos, exact for small angles too."""
+    return np.asarray(2 * np.sin(0.5 * angle) ** 2)
 
 
 def cheapest_turn(stage: StageCosts, mismatch: FloatArray) -> FloatArray:
@@ -94,38 +99,52 @@ def cheapest_turn(stage: StageCosts, mismatch: FloatArray) -> FloatArray:
 
 def chain_cost(stages: Sequence[StageCosts], chosen: IntArray, turns: FloatArray, gauge: float) -> float:
     """The cost of a chain (Shi et al., eq. 16, positions eliminated)."""
-    return _cost(_picked(stages, chosen), turns, gauge)
+    return _cost_and_slope(_picked(stages, chosen), np.concatenate([[gauge], turns]))[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Picked:
-    """One solution per stage; first index: first or last root."""
+    """One solution per stage, in complex numbers; first index: first or last root."""
 
     yaws: FloatArray  # (G,)
-    arms: FloatArray  # (2, G, 2) from A's root to B's origin
-    roots_a: FloatArray  # (2, G, 2)
-    roots_b: FloatArray  # (2, G, 2)
+    arms: ComplexArray  # (2, G) from A's root to B's origin
+    roots_a: ComplexArray  # (2, G)
+    roots_b: ComplexArray  # (2, G)
     weights: FloatArray  # (2, G) of A and B
 
 
 def _picked(stages: Sequence[StageCosts], chosen: IntArray) -> _Picked:
-    shifts = np.array([s.shifts[r] for s, r in zip(stages, chosen, strict=True)])
-    roots_a = np.array([[s.roots_a[which] for s in stages] for which in (0, -1)])
+    shifts = complex_of(np.array([s.shifts[r] for s, r in zip(stages, chosen, strict=True)]))
+    roots_a = complex_of(np.array([[s.roots_a[which] for s in stages] for which in (0, -1)]))
     return _Picked(
         yaws=np.array([s.yaws[r] for s, r in zip(stages, chosen, strict=True)]),
         arms=shifts - roots_a,
         roots_a=roots_a,
-        roots_b=np.array([[s.roots_b[which] for s in stages] for which in (0, -1)]),
+        roots_b=complex_of(np.array([[s.roots_b[which] for s in stages] for which in (0, -1)])),
         weights=np.array([[s.weight_a for s in stages], [s.weight_b for s in stages]]),
     )
 
 
-def _cost(picked: _Picked, turns: FloatArray, gauge: float) -> float:
-    turned = (rotation(turns) @ picked.arms[..., None])[..., 0]
-    turned = turned + (rotation(turns + picked.yaws) @ picked.roots_b[..., None])[..., 0]
-    change = turned - picked.roots_b @ rotation(gauge).T + picked.roots_a
-    facing = picked.weights[0] * (1 - np.cos(turns)) + picked.weights[1] * (1 - np.cos(turns + picked.yaws - gauge))
-    return float(facing.sum() + 0.5 * ((change[0, 1:] - change[1, :-1]) ** 2).sum())
+def complex_of(points: FloatArray) -> ComplexArray:
+    """Points (..., 2) as x + iy, so that turning is a product."""
+    return np.asarray(points[..., 0] + 1j * points[..., 1])
+
+
+def _cost_and_slope(picked: _Picked, free: FloatArray) -> tuple[float, FloatArray]:
+    """The cost and its derivative by (gauge, turns)."""
+    gauge, turns = free[0], free[1:]
+    off = np.stack([turns, turns + picked.yaws - gauge])
+    turned = np.exp(1j * turns) * (picked.arms + np.exp(1j * picked.yaws) * picked.roots_b)
+    kept = np.exp(1j * gauge) * picked.roots_b
+    change = turned - kept + picked.roots_a
+    step = change[0, 1:] - change[1, :-1]
+    pull = picked.weights * np.sin(off)
+    by_turn = pull.sum(0)
+    by_turn[1:] -= (np.conj(step) * turned[0, 1:]).imag
+    by_turn[:-1] += (np.conj(step) * turned[1, :-1]).imag
+    by_gauge = (np.conj(step) * (kept[0, 1:] - kept[1, :-1])).imag.sum() - pull[1].sum()
+    cost = float((picked.weights * one_less_cos(off)).sum() + 0.5 * (np.abs(step) ** 2).sum())
+    return cost, np.concatenate([[by_gauge], by_turn])
 
 
 def cheapest_chain(
@@ -159,8 +178,9 @@ def cheapest_chain(
 def first_chain(stages: Sequence[StageCosts], *, yaw_step: float) -> Chain:
     """A good chain to start from: every gauge on the lattice, a sample of the solutions that nearly fit it."""
     best = None
+    orders = [np.argsort(stage.yaws, kind="stable") for stage in stages]
     for gauge in np.arange(0, 2 * np.pi, yaw_step):
-        rows = [_sample(stage, gauge) for stage in stages]
+        rows = [_sample(stage, order, gauge) for stage, order in zip(stages, orders, strict=True)]
         if any(len(r) == 0 for r in rows):
             continue
         turns = [cheapest_turn(s, s.yaws[r] - gauge) for s, r in zip(stages, rows, strict=True)]
@@ -175,27 +195,34 @@ def first_chain(stages: Sequence[StageCosts], *, yaw_step: float) -> Chain:
 
 
 def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
-    """Improve a chain: turns and gauge continuously, solutions by an exact pass over all, in turn until nothing improves."""
-    best = _with_best_turns(stages, chosen, gauge)
+    """Improve a chain: turns and gauge continuously, solutions by an exact pass over all, until nothing improves."""
+    best = with_best_turns(stages, chosen, gauge)
     for _ in range(MOST_POLISHES):
         rows = [_affordable(s, t, best) for s, t in zip(stages, best.turns, strict=True)]
         turns = [np.full(len(r), t) for r, t in zip(rows, best.turns, strict=True)]
         states, cost = _best_of(stages, rows, turns, best.gauge)
         if cost >= best.cost * (1 - 1e-9):
             return best
-        better = _with_best_turns(stages, np.array([r[i] for r, i in zip(rows, states, strict=True)]), best.gauge)
+        better = with_best_turns(stages, np.array([r[i] for r, i in zip(rows, states, strict=True)]), best.gauge)
         if better.cost >= best.cost * (1 - 1e-9):
             return best
         best = better
     return best
 
 
-def _with_best_turns(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
+def with_best_turns(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
+    """The chain of chosen solutions with the turns, and the gauge near a given one, at which it costs least.
+
+    Args:
+        stages: in order.
+        chosen: (G,) row of each.
+        gauge: to start from, rad.
+    """
     start = [float(cheapest_turn(s, s.yaws[[r]] - gauge)[0]) for s, r in zip(stages, chosen, strict=True)]
     picked = _picked(stages, chosen)
     guess = np.array([gauge, *start])
-    found = minimize(lambda x: _cost(picked, x[1:], float(x[0])), guess, method="BFGS", tol=1e-12)
-    cost, kept = min(((_cost(picked, x[1:], float(x[0])), x) for x in (guess, found.x)), key=lambda pair: pair[0])
+    found = minimize(lambda x: _cost_and_slope(picked, x), guess, jac=True, method="BFGS", tol=1e-12)
+    cost, kept = min(((_cost_and_slope(picked, x)[0], x) for x in (guess, found.x)), key=lambda pair: pair[0])
     return Chain(chosen, kept[1:], float(kept[0]), cost)
 
 
@@ -216,6 +243,11 @@ def _affordable(stage: StageCosts, turn: float, best: Chain) -> IntArray:
     return np.flatnonzero(every <= best.cost * (1 + 1e-9))
 
 
-def _sample(stage: StageCosts, gauge: float) -> IntArray:
-    near = np.flatnonzero(np.abs(wrap_angle(stage.yaws - gauge)) <= NEAR)
-    return near[:: max(1, len(near) // SAMPLE)]
+def _sample(stage: StageCosts, order: IntArray, gauge: float) -> IntArray:
+    """Some of the solutions whose yaw, in which `order` sorts them, is near the gauge."""
+    yaws = stage.yaws[order]
+    turns = np.arange(np.floor((yaws[0] - gauge) / (2 * np.pi)), np.ceil((yaws[-1] - gauge) / (2 * np.pi)) + 1)
+    starts = np.searchsorted(yaws, gauge + 2 * np.pi * turns - NEAR)
+    stops = np.searchsorted(yaws, gauge + 2 * np.pi * turns + NEAR, side="right")
+    near = np.concatenate([order[start:stop] for start, stop in zip(starts, stops, strict=True)])
+    return np.sort(near)[:: max(1, len(near) // SAMPLE)]

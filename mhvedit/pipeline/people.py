@@ -16,6 +16,8 @@ from mhvedit.sequences.gaze import gaze_from_tracks, gaze_of_body
 from mhvedit.sequences.meshes import Facing, Gaze, Mesh, MeshSequence
 from mhvedit.pipeline.store import Store, capture_signature
 
+VERSION = 1  # of what is kept; raise it when an estimate changes
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Person:
@@ -58,38 +60,43 @@ def meet_people(scene: SceneFile, subjects: Mapping[str, Subject], store: Store)
 
 def _person(subject: Subject, spec: SubjectSpec, store: Store) -> Person:
     sequence = subject.sequence
-    given = subject.facing if isinstance(subject.facing, float) else None
-    tracked = None if subject.facing is None or given is not None else facing_from_tracks(subject.facing)
     signature = capture_signature(sequence, units=spec.units, up=spec.up)
-    key = ("person", 1, signature, given, tracked is not None and tracked.yaw.tobytes())
-    arrays = store.arrays(key, lambda: _measured(sequence, given, tracked))
     numbers = np.array(sequence.numbers)
-    gaze = Gaze(numbers, arrays["eye"], arrays["direction"])
-    if subject.gaze is not None:
-        gaze = gaze_from_tracks(subject.gaze.eye, subject.gaze.target)
+    facing = _given_facing(subject, numbers)
+    gaze = None if subject.gaze is None else gaze_from_tracks(subject.gaze.eye, subject.gaze.target)
+    plan = store.arrays(("plan", VERSION, signature), lambda: _plan(sequence))
+    if facing is None or gaze is None:
+        given = None if facing is None else facing.yaw.tobytes()
+        look = store.arrays(("look", VERSION, signature, given), lambda: _estimated(sequence, facing))
+        facing = facing or Facing(numbers, look["yaw"], look["trust"])
+        gaze = gaze or Gaze(numbers, look["eye"], look["direction"])
     estimated = tuple(n for n, v in (("facing", subject.facing), ("gaze", subject.gaze)) if v is None)
-    return Person(
-        subject, signature, arrays["pose"], Facing(numbers, arrays["yaw"], arrays["trust"]), gaze, arrays["centres"], estimated
-    )
+    return Person(subject, signature, plan["pose"], facing, gaze, plan["centres"], estimated)
 
 
-def _measured(sequence: MeshSequence, given: float | None, tracked: Facing | None) -> dict[str, FloatArray]:
-    """Everything that takes a look at all meshes."""
-    count = len(sequence.numbers)
-    yaw = None if given is None else np.full(count, given)
-    if tracked is not None:
-        yaw = tracked.yaw[np.searchsorted(tracked.numbers, sequence.numbers)]
-    body = track_body(sequence, yaw=yaw)
-    facing = facing_of_body(body, fps=sequence.fps)
+def _given_facing(subject: Subject, numbers: IntArray) -> Facing | None:
+    """The facing that the scene file gives, in every frame of the capture."""
+    if subject.facing is None:
+        return None
+    if isinstance(subject.facing, float):
+        return Facing(numbers, np.full(len(numbers), subject.facing), np.ones(len(numbers)))
+    tracked = facing_from_tracks(subject.facing)
+    rows = np.searchsorted(tracked.numbers, numbers)
+    return Facing(numbers, tracked.yaw[rows], np.ones(len(numbers)))
+
+
+def _plan(sequence: MeshSequence) -> dict[str, FloatArray]:
+    """Where the subject is in plan: its canonical frame, and its centre in every frame."""
+    centres = np.array([_centre(sequence.mesh(number)) for number in sequence.numbers])
+    return {"pose": capture_from_canonical(sequence), "centres": centres}
+
+
+def _estimated(sequence: MeshSequence, facing: Facing | None) -> dict[str, FloatArray]:
+    """Facing and gaze from the meshes; a given facing is honoured."""
+    body = track_body(sequence, yaw=None if facing is None else facing.yaw)
+    found = facing_of_body(body, fps=sequence.fps)
     gaze = gaze_of_body(sequence, body)
-    return {
-        "pose": capture_from_canonical(sequence),
-        "yaw": facing.yaw if yaw is None else yaw,
-        "trust": facing.trust if yaw is None else np.ones(count),
-        "eye": gaze.eye,
-        "direction": gaze.direction,
-        "centres": np.array([_centre(sequence.mesh(number)) for number in sequence.numbers]),
-    }
+    return {"yaw": found.yaw, "trust": found.trust, "eye": gaze.eye, "direction": gaze.direction}
 
 
 def _centre(mesh: Mesh) -> FloatArray:

@@ -69,7 +69,8 @@ def run_scene(
             (warn or (lambda text: None))(sentence)
         result = solve(job, workers=workers, progress=progress)
         write_result(out, result)
-        check, problems = None, ()
+        check: SceneReport | None = None
+        problems: tuple[str, ...] = ()
         if result.assembly is not None:
             check = measure_scene(
                 job,

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.distance import distance_to_outside
 from mhvedit.geometry.planar import rotation, wrap_angle
 from mhvedit.search.solve import ReasonMap
 
@@ -82,16 +83,22 @@ def connected_regions(accepted: BoolArray) -> Int32Array:
     Returns:
         (X, Y, Yaw) region, -1 elsewhere.
     """
-    labels, count = ndimage.label(accepted, np.ones((3, 3, 3)))
+    out = np.full(accepted.shape, -1, np.int32)
+    if not accepted.any():
+        return out
+    box = _box(accepted)
+    inside = accepted[box]
+    labels, count = ndimage.label(inside, np.ones((3, 3, 3)))
     parent = np.arange(count + 1)
-    for here, there in _seam_pairs(np.asarray(labels, np.int32)):
+    for here, there in _seam_pairs(labels):
         a, b = _root(parent, here), _root(parent, there)
         parent[max(a, b)] = min(a, b)
-    merged = np.array([_root(parent, label) for label in range(count + 1)])[labels]
-    names, first, sizes = np.unique(merged[accepted], return_index=True, return_counts=True)
+    merged = np.array([_root(parent, label) for label in range(count + 1)])
+    names, first, sizes = np.unique(merged[labels[inside]], return_index=True, return_counts=True)
     rank = np.full(count + 1, -1, np.int32)
     rank[names[np.lexsort((first, -sizes))]] = np.arange(len(names))
-    return np.asarray(rank[merged], np.int32)
+    out[box] = rank[merged][labels]
+    return out
 
 
 def clearances(accepted: BoolArray, *, step: float, yaw_step: float) -> FloatArray:
@@ -106,16 +113,16 @@ def clearances(accepted: BoolArray, *, step: float, yaw_step: float) -> FloatArr
         (X, Y, Yaw) m.
     """
     out = np.zeros(accepted.shape)
-    if not accepted.any():
-        return out
-    xs, ys = np.flatnonzero(accepted.any((1, 2))), np.flatnonzero(accepted.any((0, 2)))
-    box = slice(xs[0], xs[-1] + 1), slice(ys[0], ys[-1] + 1)
-    part = np.pad(accepted[box], ((1, 1), (1, 1), (0, 0)))
-    wrap = min(part.shape[2], int(np.ceil(max(part.shape[:2]) * step / yaw_step)) + 1)
-    around = np.pad(part, ((0, 0), (0, 0), (wrap, wrap)), mode="wrap")
-    far = ndimage.distance_transform_edt(around, sampling=(step, step, yaw_step))
-    out[box] = far[1:-1, 1:-1, wrap:-wrap]
+    if accepted.any():
+        box = _box(accepted)
+        out[box] = distance_to_outside(accepted[box], spacing=(step, step, yaw_step))
     return out
+
+
+def _box(accepted: BoolArray) -> tuple[slice, slice]:
+    """The smallest rectangle of x and y around the accepted cells."""
+    xs, ys = np.flatnonzero(accepted.any((1, 2))), np.flatnonzero(accepted.any((0, 2)))
+    return slice(int(xs[0]), int(xs[-1]) + 1), slice(int(ys[0]), int(ys[-1]) + 1)
 
 
 def _seam_pairs(labels: Int32Array) -> IntArray:
