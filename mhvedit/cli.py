@@ -138,10 +138,8 @@ def _run(scene: Path, out: Path, workers: int, *, quiet: bool, report: bool = Tr
 
 def _finish(outcome: "Outcome", out: Path, json_: bool) -> None:
     """Say what came of it, and leave with the right exit code."""
-    from mhvedit.pipeline.output import result_as_dict
-
     if json_:
-        print(json.dumps(result_as_dict(outcome.result, outcome.check, outcome.problems), indent=1))
+        print(json.dumps(outcome.report, indent=1))
     else:
         _print_outcome(outcome, out)
     raise typer.Exit(NO if outcome.result.assembly is None else DONE)
@@ -158,10 +156,10 @@ def _print_outcome(outcome: "Outcome", out: Path) -> None:
     if assembly is None:
         print(f"no answer: {outcome.result.failure}")
     else:
-        deepest = 0.0 if outcome.check is None else outcome.check.deepest * 1000
+        deepest = outcome.report["check"]["deepest_mm"]
         print(f"{assembly.scene.n_frames} frames, cost {assembly.scene.cost:.3g} m² (gap {assembly.scene.gap:.2g} %), "
               f"deepest penetration {deepest:.1f} mm")
-        for sentence in outcome.problems:
+        for sentence in outcome.report["problems"]:
             print(f"look at: {sentence}")
     print(f"open {out / 'report.html'}")
 

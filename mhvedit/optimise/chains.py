@@ -166,7 +166,7 @@ def cheapest_chain(
         lift = np.sqrt(2 * (value - value.min()))
         tree = cKDTree(np.column_stack([last[g - 1], lift]))
         far, nearest = tree.query(np.column_stack([first[g], np.zeros(len(first[g]))]))
-        back.append(nearest)
+        back.append(np.asarray(nearest, np.int64))
         value = unary[g] + value.min() + 0.5 * far**2
     state = int(np.argmin(value))
     states = [state]
@@ -221,9 +221,13 @@ def with_best_turns(stages: Sequence[StageCosts], chosen: IntArray, gauge: float
     start = [float(cheapest_turn(s, s.yaws[[r]] - gauge)[0]) for s, r in zip(stages, chosen, strict=True)]
     picked = _picked(stages, chosen)
     guess = np.array([gauge, *start])
-    found = minimize(lambda x: _cost_and_slope(picked, x), guess, jac=True, method="BFGS", tol=1e-12)
+    found = minimize(_cost_and_slope_at, guess, args=(picked,), jac=True, method="BFGS", tol=1e-12)
     cost, kept = min(((_cost_and_slope(picked, x)[0], x) for x in (guess, found.x)), key=lambda pair: pair[0])
     return Chain(chosen, kept[1:], float(kept[0]), cost)
+
+
+def _cost_and_slope_at(free: FloatArray, picked: _Picked) -> tuple[float, FloatArray]:
+    return _cost_and_slope(picked, free)
 
 
 def _best_of(

@@ -1,9 +1,9 @@
 """The best chain of placements over all key segments, globally, with a proof (Shi et al., eqs 16 to 18).
 
-Positions eliminate in closed form: with e = d - D, the change of the vector from A's root to B's root, the position part of
-the cost is the sum of 1/2 |e' - e|^2 over consecutive roots. B's capture frame is turned by a free angle, the gauge, since the
-captures' world frames are unrelated; only differences of e count, so its shift drops out. A constant relative pose that every
-segment accepts costs nothing, and is looked for first; ties are broken by merit, then by the smallest pose.
+Positions eliminate in closed form: with e = d - D, the change of the vector from A's root to B's root, positions cost
+the sum of 1/2 |e' - e|^2 over consecutive roots. B's capture frame is turned by a free angle, the gauge, since
+the captures' world frames are unrelated; only differences of e count, so its shift drops out. A constant relative pose
+that every segment accepts costs nothing, and is looked for first; ties are broken by merit, then by the smallest pose.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.optimise.branching import best_chain
 from mhvedit.optimise.chains import Chain
 from mhvedit.optimise.stages import Stage, pose_codes, rows_of
+from mhvedit.optimise.ties import deepest_chain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +28,7 @@ class KeyPlacements:
     gauge: float  # rad, turn of B's frame against A's in which B's motion is kept
     cost: float  # m^2
     lower_bound: float  # m^2
-    equals: int  # chains that cost the same, ties that merit decided (1: none)
+    equals: int  # constant poses that cost nothing, among which merit decided (1 where there are none)
 
     @property
     def gap(self) -> float:
@@ -54,11 +55,12 @@ def best_placements(stages: Sequence[Stage], *, facing_weight: float, step: floa
         chosen = np.array([row[best] for row in rows])
         gauge = float(stages[0].poses[chosen[0], 2])
         return _placed(stages, Chain(chosen, np.zeros(len(stages)), gauge, 0.0, 0.0), equals=len(common))
-    return _placed(stages, best_chain(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw), equals=1)
+    chain = best_chain(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
+    return _placed(stages, deepest_chain(stages, chain, facing_weight=facing_weight, n_yaw=n_yaw), equals=1)
 
 
 def _placed(stages: Sequence[Stage], chain: Chain, *, equals: int) -> KeyPlacements:
-    """Where the pair stands: A's first stage keeps its place, every step splits the change of e evenly between the two."""
+    """Where the pair stands: A stays in place in the first stage, every step splits the change of e evenly."""
     a, b = np.empty((len(stages), 3)), np.empty((len(stages), 3))
     last_a = last_b = None
     for g, stage in enumerate(stages):

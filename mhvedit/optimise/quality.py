@@ -1,8 +1,8 @@
 """How good is a contact? What the motion says about solutions that the paper's cost cannot tell apart.
 
-Two measures, both of the parts' centres of gravity: in a real hold the parts move as one, so their relative motion over the
-hold is small; and two people who touch mostly stand on either side of what they touch, so that the contact lies between them.
-The first is telling and strong where the hold is long enough; the second is a mild prior.
+Two measures, both of the parts' centres of gravity: in a real hold the parts move as one, so their relative motion over
+the hold is small; and two people who touch mostly stand on either side of what they touch, so that the contact lies
+between them. The first is telling and strong where the hold is long enough; the second is a mild prior.
 """
 
 from dataclasses import dataclass
@@ -65,7 +65,9 @@ def relative_motion(contact: ContactMotion, yaws: FloatArray) -> FloatArray:
 
 
 def opposition(contact: ContactMotion, poses: FloatArray) -> FloatArray:
-    """1 + cos of the angle at the contact between the two roots: 0 where it lies between them, 2 where both are on one side.
+    """1 + cos of the angle at the contact between the two roots.
+
+    It is 0 where the contact lies between them, 2 where both are on one side of it.
 
     Args:
         contact: of the segment; its middle frame is taken.

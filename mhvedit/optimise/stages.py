@@ -1,7 +1,7 @@
 """Stages: stretches of the scene in which a pair moves rigidly, each one key segment or several that adjoin.
 
-Adjoining key segments with nothing between them share one motion, so their solution groups are intersected; poses live on one
-lattice, so the intersection is exact.
+Adjoining key segments with nothing between them share one motion, so their solution groups are intersected; poses live
+on one lattice, so the intersection is exact.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,9 @@ class NoSolution(MhveditError, ValueError):
 
     def __init__(self, segments: Sequence[str]) -> None:
         names = " and ".join(f'"{name}"' for name in segments)
-        why = "has no solution" if len(segments) == 1 else "adjoin, so they must share one placement, and have none in common"
-        super().__init__(f"{names} {why}")
+        alone = "has no solution"
+        joined = "adjoin, so they must share one placement, and have none in common"
+        super().__init__(f"{names} {alone if len(segments) == 1 else joined}")
         self.segments = tuple(segments)
 
 

@@ -1,21 +1,25 @@
-"""The way from one key segment to the next: a planar rigid motion per frame that changes the motion least (Shi et al., 19-25).
+"""The way from one key segment to the next: a planar rigid motion per frame that changes the motion least.
 
-What moves a frame is the turn of its facing and the shift of its centre. Both are solved for directly, so that noise in an
-estimated facing or centre cannot reach the edit; the pivot of the turn is a smoothed centre, for the same reason. With turn
-phi_k and shift s_k of the centre, the paper's terms acc(C) - acc(c) and vel(C) - vel(c) are acc(s) and vel(s) up to sign.
+This is Shi et al., eqs 19 to 25. What moves a frame is the turn of its facing and the shift of its centre. Both are
+solved for directly, so that noise in an estimated facing or centre cannot reach the edit; the pivot of the turn is a
+smoothed centre, for the same reason. With turn phi_k and shift s_k of the centre, the paper's terms acc(C) - acc(c) and
+vel(C) - vel(c) are acc(s) and vel(s) up to sign. The capture's frame has no meaning in the scene: C is seen from one
+that is turned half-way between the key segments on either side, so one rigid motion joins two that stand alike.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import expit
 
 from mhvedit.geometry.arrays import FloatArray
-from mhvedit.geometry.planar import rotation, wrap_angle
+from mhvedit.geometry.planar import apply_pose, rotation
 
-PIVOT_SMOOTHING = 4.0  # frames, standard deviation
+SMOOTHING = 4.0  # frames, standard deviation
+LEAST_ACCELERATION = 1e-9  # its share where only velocity is asked for, so that fast frames are tied down too
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,25 +27,23 @@ class PathSettings:
     """Weights of the path (Shi et al., eqs 19, 22 and 23)."""
 
     acceleration: float = 0.5  # delta
-    alpha: float = 10.0
+    alpha: float = 10.0  # per m a frame, and per rad a frame
     slow_speed: float = 0.01  # m a frame
     slow_turn: float = 0.01  # rad a frame
 
 
-def smoothed(centres: FloatArray) -> FloatArray:
-    """Centres without the noise of single frames.
+def smoothed(values: FloatArray) -> FloatArray:
+    """Centres or angles without the noise of single frames.
 
     Args:
-        centres: (N, 2) m.
+        values: (N, ...).
     """
-    if len(centres) < 3:
-        return centres
-    return np.asarray(gaussian_filter1d(centres, PIVOT_SMOOTHING, axis=0, mode="nearest"))
+    if len(values) < 3:
+        return values
+    return np.asarray(gaussian_filter1d(values, SMOOTHING, axis=0, mode="nearest"))
 
 
-def placement_path(
-    fixed: FloatArray, *, centres: FloatArray, facing: FloatArray, settings: PathSettings
-) -> FloatArray:
+def placement_path(fixed: FloatArray, *, centres: FloatArray, facing: FloatArray, settings: PathSettings) -> FloatArray:
     """Placements of one subject in every frame, key segments given.
 
     Args:
@@ -55,25 +57,23 @@ def placement_path(
     """
     known = np.flatnonzero(~np.isnan(fixed[:, 0]))
     pivot = smoothed(centres)
-    turn, shift = np.empty(len(fixed)), np.empty((len(fixed), 2))
-    turn[known] = np.unwrap(fixed[known, 2])
-    shift[known] = _moved(fixed[known], pivot[known]) - pivot[known]
     placements = np.array(fixed)
-    placements[: known[0]], placements[known[-1] + 1 :] = fixed[known[0]], fixed[known[-1]]
-    slow_shift = slowness(np.linalg.norm(np.diff(pivot, axis=0), axis=1), settings.slow_speed, settings.alpha)
-    turned = np.abs(wrap_angle(np.diff(np.unwrap(facing))))
+    placements[known, 2] = np.unwrap(fixed[known, 2])
+    placements[: known[0]], placements[known[-1] + 1 :] = placements[known[0]], placements[known[-1]]
+    turned = np.abs(np.diff(smoothed(np.unwrap(facing))))
     slow_turn = slowness(turned, settings.slow_turn, settings.alpha)
-    for before, after in zip(known[:-1], known[1:], strict=True):
-        if after - before < 2:
-            continue
-        inside = slice(before + 1, after)
-        lead, tail = _neighbour(known, before, -1), _neighbour(known, after, 1)
-        ends = [lead, before], [after, tail]
-        turn[inside] = _bridge(turn[ends[0]], turn[ends[1]], slow_turn[before + 1 : after], settings.acceleration)
-        shift[inside] = _bridge(shift[ends[0]], shift[ends[1]], slow_shift[before + 1 : after], settings.acceleration)
-        placements[inside, 2] = turn[inside]
-        turned_pivot = (rotation(turn[inside]) @ pivot[inside, :, None])[..., 0]
-        placements[inside, :2] = pivot[inside] + shift[inside] - turned_pivot
+    slow_shift = slowness(np.linalg.norm(np.diff(pivot, axis=0), axis=1), settings.slow_speed, settings.alpha)
+    for before, after in itertools.pairwise(known.tolist()):
+        if after - before > 1:
+            ends = np.array([_neighbour(fixed, before, -1), before, after, _neighbour(fixed, after, 1)])
+            around = slice(before, after + 1)
+            placements[before + 1 : after] = _transition(
+                placements[ends],
+                pivot[ends],
+                pivot[before + 1 : after],
+                weights=(slow_turn[around], slow_shift[around]),
+                delta=settings.acceleration,
+            )
     return placements
 
 
@@ -83,7 +83,7 @@ def slowness(steps: FloatArray, slow: float, alpha: float) -> FloatArray:
     Args:
         steps: (N - 1,) length of each step between frames.
         slow: speed at which the weight is one half.
-        alpha: steepness, relative to `slow`.
+        alpha: steepness, per unit of speed.
 
     Returns:
         (N,) weights in (0, 1).
@@ -92,52 +92,54 @@ def slowness(steps: FloatArray, slow: float, alpha: float) -> FloatArray:
     return np.asarray(expit(-alpha * (0.5 * (before + after) - slow)))
 
 
-def _moved(placements: FloatArray, points: FloatArray) -> FloatArray:
-    return np.asarray((rotation(placements[:, 2]) @ points[:, :, None])[..., 0] + placements[:, :2])
-
-
-def _neighbour(known: FloatArray, frame: int, step: int) -> int:
+def _neighbour(fixed: FloatArray, frame: int, step: int) -> int:
     """The next frame of the same key segment, or the frame itself where the segment is one frame long."""
-    return frame + step if frame + step in known else frame
+    inside = 0 <= frame + step < len(fixed) and not np.isnan(fixed[frame + step, 0])
+    return frame + step if inside else frame
 
 
-def _bridge(before: FloatArray, after: FloatArray, weight: FloatArray, delta: float) -> FloatArray:
+def _transition(
+    ends: FloatArray,
+    pivot_at_ends: FloatArray,
+    pivot: FloatArray,
+    *,
+    weights: tuple[FloatArray, FloatArray],
+    delta: float,
+) -> FloatArray:
+    """Placements between two key segments, from those of the two frames on either side."""
+    reference = rotation(0.5 * (ends[1, 2] + ends[2, 2]))
+    placed = np.array([apply_pose(pose, point) for pose, point in zip(ends, pivot_at_ends, strict=True)])
+    shift = _bridge(placed - pivot_at_ends @ reference.T, weights[1], delta)
+    turn = _bridge(ends[:, 2], weights[0], delta)
+    at = pivot @ reference.T + shift - (rotation(turn) @ pivot[:, :, None])[..., 0]
+    return np.column_stack([at, turn])
+
+
+def _bridge(ends: FloatArray, weight: FloatArray, delta: float) -> FloatArray:
     """Minimise delta |acc|^2 + (1 - delta) w |vel|^2 over the frames between two known ends of two frames each.
 
     Args:
-        before: (2, ...) values of the last two known frames.
-        after: (2, ...) values of the first two known frames that follow.
-        weight: (M,) w of each frame between.
+        ends: (4, ...) values of the last two known frames and of the first two known frames that follow.
+        weight: (M + 2,) w of the last known frame, each frame between and the first known one that follows.
         delta: share of the acceleration.
 
     Returns:
         (M, ...).
     """
-    count = len(weight)
-    values = np.concatenate([before, np.zeros((count, *before.shape[1:])), after]).reshape(count + 4, -1)
-    normal, target = np.zeros((count, count)), np.zeros((count, values.shape[1]))
-    for k in range(1, count + 3):
-        w = weight[min(max(k - 2, 0), count - 1)]
-        for stencil, share in (((1.0, -2.0, 1.0), delta), ((-0.5, 0.0, 0.5), (1 - delta) * w)):
-            _add_square(normal, target, values, k, np.array(stencil), share)
-    ridge = 1e-12 * max(1.0, float(np.trace(normal)) / count)
-    bands = np.zeros((5, count))
-    for offset in range(-2, 3):
-        diagonal = np.diagonal(normal, offset)
-        bands[2 - offset, max(offset, 0) : count + min(offset, 0)] = diagonal
-    bands[2] += ridge
-    return np.asarray(solve_banded((2, 2), bands, target).reshape(count, *before.shape[1:]))
-
-
-def _add_square(
-    normal: FloatArray, target: FloatArray, values: FloatArray, k: int, stencil: FloatArray, share: float
-) -> None:
-    """Add share * (stencil . values around k)^2 to the normal equations; unknowns are values[2:-2]."""
-    count = len(normal)
-    places = np.arange(k - 1, k + 2) - 2
-    free = (places >= 0) & (places < count)
-    known = stencil[~free] @ values[places[~free] + 2]
-    for i in np.flatnonzero(free):
-        target[places[i]] -= share * stencil[i] * known
-        for j in np.flatnonzero(free):
-            normal[places[i], places[j]] += share * stencil[i] * stencil[j]
+    count = len(weight) - 2
+    known = ends.reshape(4, -1)
+    bands = np.zeros((3, count + 4))  # bands[o, k]: normal equations at (k, k + o)
+    shares = np.full(count + 2, max(delta, LEAST_ACCELERATION)), (1 - delta) * weight
+    for stencil, share in zip(((1.0, -2.0, 1.0), (-0.5, 0.0, 0.5)), shares, strict=True):
+        for i, j in itertools.combinations_with_replacement(range(3), 2):
+            bands[j - i, i : i + count + 2] += share * stencil[i] * stencil[j]
+    target = np.zeros((count, known.shape[1]))
+    for place, value in zip((0, 1, count + 2, count + 3), known, strict=True):
+        for offset in range(-2, 3):
+            if 0 <= place + offset - 2 < count:
+                target[place + offset - 2] -= bands[abs(offset), min(place, place + offset)] * value
+    inner = np.zeros((3, count))
+    for offset in range(3):
+        inner[offset, : max(count - offset, 0)] = bands[offset, 2 : count + 2 - offset]
+    inner = inner[: min(count, 3)]
+    return np.asarray(solveh_banded(inner, target, lower=True).reshape(count, *ends.shape[1:]))

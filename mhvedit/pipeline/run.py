@@ -1,9 +1,10 @@
 """From a scene file to a full output folder, and back: what the commands do."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mhvedit.errors import CaptureError
 from mhvedit.pipeline.job import Job, Progress, Result, load, solve
@@ -13,6 +14,7 @@ from mhvedit.pipeline.output import (
     EDIT,
     PAGE,
     REPORT,
+    SOLUTIONS,
     SOURCE,
     claimed,
     result_as_dict,
@@ -20,12 +22,16 @@ from mhvedit.pipeline.output import (
     write_result,
 )
 from mhvedit.pipeline.people import meet_people
+from mhvedit.pipeline.store import hashed
 from mhvedit.pipeline.story import report_content
 from mhvedit.project.schema import SceneFile
-from mhvedit.scene.edit import read_edit
+from mhvedit.scene.edit import edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
 from mhvedit.sequences.inspect import capture_warnings, inspect_capture
 from mhvedit.view.report import write_report
+
+VERSION = 1  # of what is written; raise it when the reports change
+FINISHED = f"{CACHE}/finished.json"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,9 +39,8 @@ class Outcome:
     """What a run came to."""
 
     result: Result
-    check: SceneReport | None
-    problems: tuple[str, ...]  # thresholds that are passed
-    warnings: tuple[str, ...]  # about the captures
+    report: Mapping[str, Any]  # the content of `report.json`
+    redone: bool  # False where everything on disk was still true
 
 
 def run_scene(
@@ -68,25 +73,53 @@ def run_scene(
         for sentence in warnings:
             (warn or (lambda text: None))(sentence)
         result = solve(job, workers=workers, progress=progress)
+        key = hashed(("outcome", VERSION, job.scene, [p.signature for p in result.people.values()], _answer(result)))
+        if _is_finished(out, result, key, report=report):
+            return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
+        (out / FINISHED).unlink(missing_ok=True)
         write_result(out, result)
-        check: SceneReport | None = None
-        problems: tuple[str, ...] = ()
-        if result.assembly is not None:
-            check = measure_scene(
-                job,
-                result.people,
-                result.assembly.scene,
-                workers=workers,
-                progress=lambda done, count: tell("check on the meshes", done / count),
-            )
-            problems = failures(check, Thresholds())
-        write_json(out / REPORT, result_as_dict(result, check, problems) | {"warnings": list(warnings)})
-        if report:
-            tell("report", 0.0)
-            limit = Thresholds().penetration_mm
-            content = report_content(result, check, problems=problems, warnings=warnings, limit_mm=limit)
-            write_report(out / PAGE, content)
-    return Outcome(result, check, problems, warnings)
+        content = _checked(out, result, warnings, workers=workers, report=report, tell=tell)
+        write_json(out / FINISHED, {"key": key})
+    return Outcome(result, content, redone=True)
+
+
+def _answer(result: Result) -> object:
+    return str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
+
+
+def _is_finished(out: Path, result: Result, key: str, *, report: bool) -> bool:
+    """Whether an earlier run wrote all files for the very same answer."""
+    wanted = [REPORT, *([EDIT] if result.assembly else []), *([PAGE] if report else [])]
+    wanted += [f"{SOLUTIONS}/{segment.spec.name}.npz" for segment in result.segments]
+    try:
+        return json.loads((out / FINISHED).read_text()) == {"key": key} and all((out / n).exists() for n in wanted)
+    except (OSError, ValueError):
+        return False
+
+
+def _checked(
+    out: Path, result: Result, warnings: tuple[str, ...], *, workers: int, report: bool, tell: Progress
+) -> dict[str, Any]:
+    """Check the scene on its meshes and write both reports; returns the content of `report.json`."""
+    check: SceneReport | None = None
+    problems: tuple[str, ...] = ()
+    if result.assembly is not None:
+        check = measure_scene(
+            result.job,
+            result.people,
+            result.assembly.scene,
+            workers=workers,
+            progress=lambda done, count: tell("check on the meshes", done / count),
+        )
+        problems = failures(check, Thresholds())
+    content = result_as_dict(result, check, problems) | {"warnings": list(warnings)}
+    write_json(out / REPORT, content)
+    if report:
+        tell("report", 0.0)
+        limit = Thresholds().penetration_mm
+        story = report_content(result, check, problems=problems, warnings=warnings, limit_mm=limit)
+        write_report(out / PAGE, story)
+    return content
 
 
 def scene_warnings(scene: SceneFile, cache: Path) -> tuple[str, ...]:

@@ -139,10 +139,7 @@ def _asked(spec: SegmentSpec) -> list[str]:
 
 
 def _figures(segment: SolvedSegment, row: int) -> dict[str, str]:
-    return {
-        "clearance to the nearest rejected pose": f"{segment.group.clearance[row] * 1000:.0f} mm",
-        "quality penalty": f"{segment.penalty[row]:.3f} m",
-    }
+    return {"Quality penalty": f"{segment.penalty[row] * 1000:.0f} mm of clearance"}
 
 
 def _notes(result: Result, segment: SolvedSegment, chosen: int | None) -> list[str]:

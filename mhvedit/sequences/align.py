@@ -65,9 +65,7 @@ def _between(numbers: IntArray, start: int, stop: int) -> IntArray:
     return numbers[(numbers >= start) & (numbers < stop)]
 
 
-def _transition(
-    between: tuple[IntArray, IntArray], stretches: list[Stretch], rates: tuple[float, float]
-) -> Stretch:
+def _transition(between: tuple[IntArray, IntArray], stretches: list[Stretch], rates: tuple[float, float]) -> Stretch:
     pair = paired(*between, how=Retiming.ENDPOINTS, rates=rates)
     lost = (len(between[0]), len(between[1])) if pair.n_frames == 0 else (0, 0)
     return Stretch(pair, _end(stretches), None, lost)

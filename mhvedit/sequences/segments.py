@@ -1,4 +1,4 @@
-"""Key segments, what lies between them, and bringing both people of a pair to one length (Shi et al., eqs 12 and 13)."""
+"""Segments, and bringing both people of a pair to one length (Shi et al., eqs 12 and 13)."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -24,7 +24,7 @@ class SegmentPair:
 
     @property
     def n_frames(self) -> int:
-        """tau."""
+        """Length tau of the stretch."""
         return len(self.a)
 
 
