@@ -1,4 +1,4 @@
-"""The command line: thin over `mhvedit.pipeline.run`. What is slow to import is imported by the command that needs it."""
+"""The command line: thin over `mhvedit.pipeline.run`. A command imports what is slow to import when it runs."""
 
 import json
 import logging
@@ -31,24 +31,35 @@ Out = Annotated[Path, typer.Option("-o", "--out", help="Output folder.")]
 def main() -> None:
     """Run the command line; bad input becomes one line on stderr and exit code 2."""
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    sys.exit(_exit_code())
+
+
+def _exit_code() -> int:
+    """Run the command that was asked for; click returns the code of a `typer.Exit`."""
     try:
-        app(standalone_mode=False)
+        return int(app(standalone_mode=False) or DONE)
     except MhveditError as fault:
-        sys.exit(_complain(str(fault), BAD_INPUT))
-    except typer.Abort:
-        sys.exit(_complain("interrupted; the next run goes on from here", INTERRUPTED))
-    except KeyboardInterrupt:
-        sys.exit(_complain("interrupted; the next run goes on from here", INTERRUPTED))
+        return _complain(str(fault), BAD_INPUT)
+    except (typer.Abort, KeyboardInterrupt):
+        return _complain("interrupted; the next run goes on from here", INTERRUPTED)
     except OSError as fault:
-        sys.exit(_complain(f"{fault.filename or 'output'}: {fault.strerror or fault}", BAD_INPUT))
+        expected = "a file or folder that can be read and written"
+        return _complain(
+            f"{fault.filename or 'output'}: expected {expected}, found: {fault.strerror or fault}", BAD_INPUT
+        )
+    except MemoryError:
+        return _complain(
+            "expected a search that fits in memory: enlarge search.voxel, or reduce search.window", BAD_INPUT
+        )
     except Exception as fault:
         if hasattr(fault, "format_message"):  # a usage error of the command line itself
-            sys.exit(_complain(fault.format_message(), BAD_INPUT))
+            return _complain(fault.format_message(), BAD_INPUT)
         raise
 
 
 def _complain(sentence: str, code: int) -> int:
-    print(f"mhvedit: {sentence}", file=sys.stderr)
+    if sentence:  # none where click has shown its help instead
+        print(f"mhvedit: {' '.join(sentence.splitlines())}", file=sys.stderr)
     return code
 
 
@@ -148,7 +159,8 @@ def _finish(outcome: "Outcome", out: Path, json_: bool) -> None:
 def _print_outcome(outcome: "Outcome", out: Path) -> None:
     for segment in outcome.result.segments:
         regions = int(segment.group.region.max(initial=-1)) + 1
-        print(f"{segment.spec.name}  {segment.spec.interaction.value}  {len(segment.group):,} placements in {regions} regions")
+        found = f"{len(segment.group):,} placements in {regions} regions"
+        print(f"{segment.spec.name}  {segment.spec.interaction.value}  {found}")
         miss = outcome.result.misses.get(segment.spec.name)
         if miss is not None:
             print(f"  nothing fits: {miss.killed_by} ({miss.poses:,} poses got that far); {miss.nearest}")
@@ -157,11 +169,14 @@ def _print_outcome(outcome: "Outcome", out: Path) -> None:
         print(f"no answer: {outcome.result.failure}")
     else:
         deepest = outcome.report["check"]["deepest_mm"]
-        print(f"{assembly.scene.n_frames} frames, cost {assembly.scene.cost:.3g} m² (gap {assembly.scene.gap:.2g} %), "
-              f"deepest penetration {deepest:.1f} mm")
+        print(
+            f"{assembly.scene.n_frames} frames, cost {assembly.scene.cost:.3g} m² (gap {assembly.scene.gap:.2g} %), "
+            f"deepest penetration {deepest:.1f} mm"
+        )
         for sentence in outcome.report["problems"]:
             print(f"look at: {sentence}")
-    print(f"open {out / 'report.html'}")
+    page = out / "report.html"
+    print(f"open {page}" if page.exists() else f"written to {out}")
 
 
 def _say(sentence: str) -> None:

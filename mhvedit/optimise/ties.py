@@ -16,7 +16,7 @@ from mhvedit.optimise.chains import Chain, StageCosts, change_of_offset, facing_
 from mhvedit.optimise.stages import Stage
 
 TIE = 1e-3  # share of the cost that counts as nothing
-ROUNDING = 1e-9  # share of the cost, and m^2 (hundredths of a millimetre), below which two costs are the same
+ROUNDING = 1e-9  # m of merit, and share of the cost, that floating point may lose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ def deepest_chain(stages: Sequence[Stage], chain: Chain, *, facing_weight: float
         A chain with the bound of the best one.
     """
     costs = stage_costs(stages, facing_weight=facing_weight)
-    allowed = chain.cost * (1 + TIE) + ROUNDING * ROUNDING
+    allowed = chain.cost * (1 + TIE)
     merits = [stage.merit for stage in stages]
     most = min(float(merit[row]) for merit, row in zip(merits, chain.chosen, strict=True))
     deepest: _Choices | None = None
@@ -54,7 +54,7 @@ def deepest_chain(stages: Sequence[Stage], chain: Chain, *, facing_weight: float
             most, deepest = deeper
     if deepest is None:
         return chain
-    found = with_best_turns(costs, _smallest(deepest), deepest.gauge)
+    found = with_best_turns(costs, _smallest(deepest, allowed), deepest.gauge)
     if found.cost > allowed:
         return chain
     return Chain(found.chosen, found.turns, found.gauge, found.cost, min(chain.lower_bound, found.cost))
@@ -121,15 +121,15 @@ def _behind(choices: _Choices) -> list[FloatArray]:
     return behind
 
 
-def _smallest(choices: _Choices) -> IntArray:
-    """Of the cheapest chains the one whose first solution comes first, then the second, and so on."""
+def _smallest(choices: _Choices, allowed: float) -> IntArray:
+    """Of the allowed chains the one whose first solution comes first, then the second, and so on."""
     behind = _behind(choices)
     so_far = choices.unary[0]
-    best = float((so_far + behind[0]).min())
+    within = max(allowed, float((so_far + behind[0]).min()) * (1 + ROUNDING))
     chosen: list[int] = []
     for g in range(len(choices.rows)):
         if g:
             step = choices.first[g] - choices.last[g - 1][chosen[-1]]
             so_far = so_far[chosen[-1]] + choices.unary[g] + 0.5 * (step**2).sum(1)
-        chosen.append(int(np.flatnonzero(so_far + behind[g] <= best * (1 + ROUNDING) + ROUNDING * ROUNDING)[0]))
+        chosen.append(int(np.flatnonzero(so_far + behind[g] <= within * (1 + g * ROUNDING))[0]))
     return np.array([rows[i] for rows, i in zip(choices.rows, chosen, strict=True)])

@@ -13,8 +13,8 @@ from mhvedit.optimise.transitions import PathSettings, placement_path
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.project.schema import OptimiseSettings, SceneFile
-from mhvedit.search.groups import rows_of_group
 from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
+from mhvedit.search.groups import rows_of_group
 from mhvedit.sequences.align import KeyRange, Stretch, time_line
 
 
@@ -61,9 +61,7 @@ def assemble(
     keys = [_key_segment(segment, (picked or {}).get(segment.spec.name)) for segment in solved]
     stages = stages_of(keys, _adjoining(stretches, len(solved)))
     search, optimise = scene.search, scene.optimise
-    placements = best_placements(
-        stages, facing_weight=optimise.facing_weight, step=search.step, n_yaw=search.n_yaw
-    )
+    placements = best_placements(stages, facing_weight=optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
     names = scene.segments[0].between
     canonical = _by_segment(stages, placements)
     world = people[names[0]].pose  # A's capture frame is the scene's
@@ -189,4 +187,3 @@ def captured_poses(poses: FloatArray, a: Person, b: Person) -> FloatArray:
     turned = compose(compose(a.pose, poses), invert(b.pose))
     turned[:, 2] = wrap_angle(turned[:, 2])
     return turned
-

@@ -92,7 +92,7 @@ def solve(job: Job, *, workers: int = 2, progress: Progress | None = None) -> Re
         solved.append(segment)
         if len(segment.group) == 0:
             tell(f"{stage}: why nothing fits", 0.0)
-            misses[spec.name] = explain_empty(job.scene, segment, people, workers=workers)
+            misses[spec.name] = explain_empty(job.scene, segment, people, store=job.store, workers=workers)
         seconds[stage] = time.perf_counter() - started
     tell("chain and paths", 0.0)
     started = time.perf_counter()
@@ -108,13 +108,17 @@ def choose(result: Result, picked: Mapping[str, int]) -> Result:
     Args:
         result: of `solve`.
         picked: row of the solution group by segment name; the chain chooses the others.
+
+    Raises:
+        SceneError: there is no such segment, or no such row.
     """
     for name, row in picked.items():
         known = {s.spec.name: len(s.group) for s in result.segments}
         if name not in known:
             raise SceneError(result.job.scene.file, "pick", f"a segment of {', '.join(known)}", repr(name))
         if not 0 <= row < known[name]:
-            raise SceneError(result.job.scene.file, f"pick {name}", f"a row from 0 to {known[name] - 1}", str(row))
+            expected = f"a row from 0 to {known[name] - 1}" if known[name] else "a segment that has solutions"
+            raise SceneError(result.job.scene.file, f"pick {name}", expected, str(row))
     try:
         assembly = assemble(result.job.scene, result.people, result.segments, fps=result.job.fps, picked=picked)
     except NoSolution as failure:
@@ -135,11 +139,12 @@ def oriented(scene: SceneFile) -> SceneFile:
                 scene.file, f"{spec.key}.between", f'the same two subjects in all segments ("{a}" and "{b}")',
                 " and ".join(f'"{name}"' for name in spec.between),
             )  # fmt: skip
+    idle = [subject.key for name, subject in scene.subjects.items() if name not in (a, b)]
+    if idle:
+        raise SceneError(scene.file, idle[0], f'no subjects but the two of the segments ("{a}" and "{b}")', "another")
     return replace(scene, segments=tuple(s if s.between == (a, b) else _mirrored(s) for s in scene.segments))
 
 
 def _mirrored(spec: SegmentSpec) -> SegmentSpec:
     apart = None if spec.apart is None else tuple((second, first) for first, second in spec.apart)
-    return replace(
-        spec, between=(spec.between[1], spec.between[0]), interaction=spec.interaction.mirrored, apart=apart
-    )
+    return replace(spec, between=(spec.between[1], spec.between[0]), interaction=spec.interaction.mirrored, apart=apart)

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mhvedit.constraints.visibility import sight_cone
 from mhvedit.geometry.arrays import BoolArray
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.segments import segment_pair, segment_parts
 from mhvedit.project.schema import SegmentSpec
-from mhvedit.constraints.visibility import sight_cone
 from mhvedit.scene.checks import Progress, SegmentSight, check_scene
 from mhvedit.scene.contact import TOUCH, ContactSlack
 from mhvedit.scene.edit import EditedScene

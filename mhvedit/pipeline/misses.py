@@ -2,22 +2,22 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mhvedit.constraints.dictionary import NO_CONTACT, TOUCHES_OTHERWISE
 from mhvedit.constraints.fidelity import BODIES_MEET, TOO_DEEP
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
+from mhvedit.geometry.arrays import BoolArray
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.segments import (
-    SolvedSegment,
-    segment_clauses,
-    segment_cones,
-    segment_volumes,
-)
+from mhvedit.pipeline.segments import SolvedSegment, segment_clauses, segment_cones, segment_key, segment_volumes
+from mhvedit.pipeline.store import Store
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.solve import OUTSIDE, SightTest, search_poses
+from mhvedit.volumes.subject import SubjectVolumes
 
+VERSION = 1  # of what is kept; raise it when the explanation changes
 LOOSER_VOXELS = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 LOOSER_FRAMES = (1, 2, 3, 4, 6, 8)
 LOOSER_METRES = (0.01, 0.02, 0.03, 0.05, 0.08, 0.12)
@@ -35,15 +35,33 @@ class Miss:
     passes_with: str  # the setting that does, as it would stand in the scene file; empty where none was found
 
 
-def explain_empty(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Person], *, workers: int) -> Miss:
+def explain_empty(
+    scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Person], *, store: Store, workers: int
+) -> Miss:
     """Find out what an empty group would need.
 
     Args:
         scene: the scene file.
         segment: solved, and empty.
         people: by name.
+        store: where the explanation is kept between runs.
         workers: threads.
     """
+
+    def build() -> dict[str, np.ndarray[Any, Any]]:
+        miss = _explained(scene, segment, people, workers)
+        return {
+            "words": np.array([miss.killed_by, miss.nearest, miss.passes_with]),
+            "poses": np.array(miss.poses),
+        }
+
+    key = segment_key(scene, segment.spec, people, segment.pair, segment.cones)
+    kept = store.arrays(("miss", VERSION, key), build)
+    killed_by, nearest, passes_with = (str(word) for word in kept["words"])
+    return Miss(killed_by, int(kept["poses"]), nearest, passes_with)
+
+
+def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Person], workers: int) -> Miss:
     reason = segment.found.reason
     if not (reason > OUTSIDE).any():
         return Miss("the window", 0, "the window holds no pose at all: enlarge search.window", "")
@@ -51,6 +69,12 @@ def explain_empty(scene: SceneFile, segment: SolvedSegment, people: Mapping[str,
     among = _thinned(np.asarray(reason == furthest))
     killed_by, count = segment.found.reasons[furthest], int((reason == furthest).sum())
     volumes = segment_volumes(scene, segment.spec, people, segment.pair)
+    needed = _side_by_side(volumes)
+    if scene.search.window < needed:
+        words = f"search.window = {needed:.2g}"
+        return Miss(
+            killed_by, count, f"the window is too small for the bodies to stand side by side: try {words}", words
+        )
     for spec, words in _loosened(segment.spec, killed_by):
         cones = segment_cones(spec, people, segment.pair)
         sight = None if cones is None else SightTest(cones, volumes[0].body, volumes[1].body)
@@ -62,7 +86,13 @@ def explain_empty(scene: SceneFile, segment: SolvedSegment, people: Mapping[str,
     return Miss(killed_by, count, "no pose passes even with a much larger tolerance of that constraint alone", "")
 
 
-def _thinned(among: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _side_by_side(volumes: tuple[SubjectVolumes, SubjectVolumes]) -> float:
+    """Side of the smallest window in which two bodies can stand clear of each other, their thin sides together, m."""
+    thin = [min(v.body.grid.shape[:2]) * v.body.grid.pitch for v in volumes]
+    return float(sum(thin))
+
+
+def _thinned(among: BoolArray) -> BoolArray:
     count = int(among.sum())
     if count <= MOST_POSES:
         return among

@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mhvedit.errors import OutputBusy
+from mhvedit.errors import MhveditError, OutputBusy
 from mhvedit.pipeline.assemble import captured_poses
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.segments import SolvedSegment
@@ -21,6 +22,15 @@ from mhvedit.search.solve import ReasonMap
 EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
     "edit.json", "solutions", "report.json", "report.html", ".cache", "scene.json",
 )  # fmt: skip
+STAGED = ".new"  # files of an answer while it is being written
+
+
+class OutputUnusable(MhveditError, OSError):
+    """There is something at the output folder's place that cannot be written into."""
+
+    def __init__(self, folder: Path | str, found: str) -> None:
+        super().__init__(f"{folder}: expected a folder that can be written to, found {found}")
+        self.folder = Path(folder)
 
 
 @contextmanager
@@ -32,40 +42,65 @@ def claimed(folder: Path) -> Iterator[None]:
 
     Raises:
         OutputBusy: another run holds it.
+        OutputUnusable: it is no folder, or a read-only one.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("a+") as lock:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".lock").open("a+")
+    except (FileExistsError, NotADirectoryError):
+        raise OutputUnusable(folder, "a file") from None
+    except OSError as fault:
+        raise OutputUnusable(folder, str(fault.strerror)) from fault
+    with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.seek(0)
             raise OutputBusy(folder, f"process {lock.read().strip() or '?'} at work there") from None
-        lock.truncate(0)
-        lock.write(str(os.getpid()))
-        lock.flush()
-        yield
+        try:
+            lock.truncate(0)
+            lock.write(str(os.getpid()))
+            lock.flush()
+            yield
+        except OSError as fault:
+            if fault.filename is None:  # a write that failed, by which Python names no file
+                fault.filename = str(folder)
+            raise
 
 
 def write_result(folder: Path, result: Result) -> None:
-    """Write `edit.json`, the solution groups and where the scene came from; what no longer holds is taken away.
+    """Write `edit.json`, the solution groups and where the scene came from, all of it or nothing.
+
+    What no longer holds is taken away: other solution groups, an edit where there is none now, reports on another one.
 
     Args:
         folder: of the output.
         result: of a solve.
     """
-    solutions = folder / SOLUTIONS
-    solutions.mkdir(parents=True, exist_ok=True)
-    for segment in result.segments:
-        write_solutions(solutions / f"{segment.spec.name}.npz", segment, result)
-    known = {f"{segment.spec.name}.npz" for segment in result.segments}
-    for stale in solutions.glob("*.npz"):
-        if stale.name not in known:
-            stale.unlink()
-    write_json(folder / SOURCE, {"scene": os.path.relpath(result.job.scene.file, folder)})
-    if result.assembly is None:
-        (folder / EDIT).unlink(missing_ok=True)
-    else:
-        write_json(folder / EDIT, edit_as_dict(result.assembly.scene))
+    staged = folder / STAGED
+    shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
+    try:
+        (staged / SOLUTIONS).mkdir(parents=True)
+        for segment in result.segments:
+            write_solutions(staged / SOLUTIONS / f"{segment.spec.name}.npz", segment, result)
+        write_json(staged / SOURCE, {"scene": os.path.relpath(result.job.scene.file.resolve(), folder.resolve())})
+        if result.assembly is not None:
+            write_json(staged / EDIT, edit_as_dict(result.assembly.scene))
+        _replace(staged, folder)
+    finally:
+        shutil.rmtree(staged, ignore_errors=True)
+
+
+def _replace(staged: Path, folder: Path) -> None:
+    """Put what is staged into its place, and take away what there is no successor to."""
+    (folder / SOLUTIONS).mkdir(exist_ok=True)
+    new = {file.relative_to(staged) for file in staged.rglob("*") if file.is_file()}
+    old = [folder / name for name in (EDIT, REPORT, PAGE)] + list((folder / SOLUTIONS).glob("*.npz"))
+    for stale in old:
+        if stale.relative_to(folder) not in new:
+            stale.unlink(missing_ok=True)
+    for name in new:
+        os.replace(staged / name, folder / name)
 
 
 def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
@@ -73,7 +108,7 @@ def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
     a, b = (result.people[name] for name in segment.spec.between)
     group, grid = segment.group, segment.found.grid
     poses = captured_poses(group.poses, a, b)
-    arrays = {
+    arrays: dict[str, np.ndarray[Any, Any]] = {
         "x": poses[:, 0],
         "y": poses[:, 1],
         "yaw": poses[:, 2],
@@ -89,14 +124,14 @@ def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
         "axes_y": grid.offsets,
         "axes_yaw": grid.yaws,
         "base": grid.base,
-        "step": np.float64(grid.step),
+        "step": np.array(grid.step),
         "canonical_a": a.pose,
         "canonical_b": b.pose,
     }
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with beside.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, allow_pickle=False, **arrays)
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
@@ -116,7 +151,9 @@ def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[st
         "chains_of_equal_cost": assembly.placements.equals if assembly else None,
         "segments": [_segment_as_dict(s, row, result) for s, row in zip(result.segments, chosen, strict=True)],
         "left_out": [
-            {"frame": s.start, "frames": list(s.left_out)} for s in (assembly.stretches if assembly else ()) if any(s.left_out)
+            {"frame": s.start, "frames": list(s.left_out)}
+            for s in (assembly.stretches if assembly else ())
+            if any(s.left_out)
         ],
         "estimated": {name: list(person.estimated) for name, person in result.people.items()},
         "seconds": {stage: round(spent, 3) for stage, spent in result.seconds.items()},

@@ -1,22 +1,23 @@
-"""What is known of each subject before anyone meets: its canonical frame, where it faces and looks, where its centre is."""
+"""What is known of each subject before anyone meets: canonical frame, facing and gaze, where its centre is."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mhvedit.errors import CaptureError, SceneError
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import rotation
+from mhvedit.pipeline.store import Store, capture_signature
 from mhvedit.project.schema import SceneFile, SubjectSpec
 from mhvedit.project.subjects import Subject
 from mhvedit.sequences.bodies import track_body
 from mhvedit.sequences.canonical import capture_from_canonical
 from mhvedit.sequences.facing import facing_from_tracks, facing_of_body
 from mhvedit.sequences.gaze import gaze_from_tracks, gaze_of_body
-from mhvedit.sequences.meshes import Facing, Gaze, Mesh, MeshSequence
-from mhvedit.pipeline.store import Store, capture_signature
+from mhvedit.sequences.meshes import Facing, Gaze, JointTracks, Mesh, MeshSequence
 
-VERSION = 1  # of what is kept; raise it when an estimate changes
+VERSION = 2  # of what is kept; raise it when an estimate changes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +30,7 @@ class Person:
     facing: Facing
     gaze: Gaze
     centres: FloatArray  # (T, 2) m, area centroid of every frame in plan
+    bounds: FloatArray  # (T, 2, 3) m, lowest and highest coordinates of every frame
     estimated: tuple[str, ...]  # which of facing and gaze were estimated
 
     @property
@@ -54,6 +56,10 @@ def meet_people(scene: SceneFile, subjects: Mapping[str, Subject], store: Store)
         scene: the scene file.
         subjects: opened.
         store: where estimates are kept between runs.
+
+    Raises:
+        CaptureError: a frame of a capture cannot be used.
+        SceneError: a given facing or gaze has no direction in some frame.
     """
     return {name: _person(subjects[name], spec, store) for name, spec in scene.subjects.items()}
 
@@ -62,8 +68,8 @@ def _person(subject: Subject, spec: SubjectSpec, store: Store) -> Person:
     sequence = subject.sequence
     signature = capture_signature(sequence, units=spec.units, up=spec.up)
     numbers = np.array(sequence.numbers)
-    facing = _given_facing(subject, numbers)
-    gaze = None if subject.gaze is None else gaze_from_tracks(subject.gaze.eye, subject.gaze.target)
+    facing = _given_facing(subject, spec, numbers)
+    gaze = _given_gaze(subject, spec, numbers)
     plan = store.arrays(("plan", VERSION, signature), lambda: _plan(sequence))
     if facing is None or gaze is None:
         given = None if facing is None else facing.yaw.tobytes()
@@ -71,24 +77,45 @@ def _person(subject: Subject, spec: SubjectSpec, store: Store) -> Person:
         facing = facing or Facing(numbers, look["yaw"], look["trust"])
         gaze = gaze or Gaze(numbers, look["eye"], look["direction"])
     estimated = tuple(n for n, v in (("facing", subject.facing), ("gaze", subject.gaze)) if v is None)
-    return Person(subject, signature, plan["pose"], facing, gaze, plan["centres"], estimated)
+    return Person(subject, signature, plan["pose"], facing, gaze, plan["centres"], plan["bounds"], estimated)
 
 
-def _given_facing(subject: Subject, numbers: IntArray) -> Facing | None:
+def _given_facing(subject: Subject, spec: SubjectSpec, numbers: IntArray) -> Facing | None:
     """The facing that the scene file gives, in every frame of the capture."""
     if subject.facing is None:
         return None
     if isinstance(subject.facing, float):
         return Facing(numbers, np.full(len(numbers), subject.facing), np.ones(len(numbers)))
-    tracked = facing_from_tracks(subject.facing)
-    rows = np.searchsorted(tracked.numbers, numbers)
-    return Facing(numbers, tracked.yaw[rows], np.ones(len(numbers)))
+    try:
+        return facing_from_tracks(_in_frames(subject.facing, numbers))
+    except SceneError as fault:
+        raise SceneError(spec.file, f"{spec.key}.facing", fault.expected, fault.found) from fault
+
+
+def _given_gaze(subject: Subject, spec: SubjectSpec, numbers: IntArray) -> Gaze | None:
+    """The gaze that the scene file gives, in the frames of the capture that have one."""
+    if subject.gaze is None:
+        return None
+    try:
+        return gaze_from_tracks(_in_frames(subject.gaze.eye, numbers), _in_frames(subject.gaze.target, numbers))
+    except SceneError as fault:
+        raise SceneError(spec.file, f"{spec.key}.gaze", fault.expected, fault.found) from fault
+
+
+def _in_frames(tracks: JointTracks, numbers: IntArray) -> JointTracks:
+    """Tracks without the frames that the capture does not have."""
+    kept = np.isin(tracks.numbers, numbers)
+    return replace(tracks, numbers=tracks.numbers[kept], positions=tracks.positions[kept])
 
 
 def _plan(sequence: MeshSequence) -> dict[str, FloatArray]:
     """Where the subject is in plan: its canonical frame, and its centre in every frame."""
-    centres = np.array([_centre(sequence.mesh(number)) for number in sequence.numbers])
-    return {"pose": capture_from_canonical(sequence), "centres": centres}
+    centres, bounds = [], []
+    for number in sequence.numbers:
+        mesh = sequence.mesh(number)
+        centres.append(_centre(mesh, f"{sequence.name}, frame {number}"))
+        bounds.append((mesh.vertices.min(0), mesh.vertices.max(0)))
+    return {"pose": capture_from_canonical(sequence), "centres": np.array(centres), "bounds": np.array(bounds)}
 
 
 def _estimated(sequence: MeshSequence, facing: Facing | None) -> dict[str, FloatArray]:
@@ -99,9 +126,11 @@ def _estimated(sequence: MeshSequence, facing: Facing | None) -> dict[str, Float
     return {"yaw": found.yaw, "trust": found.trust, "eye": gaze.eye, "direction": gaze.direction}
 
 
-def _centre(mesh: Mesh) -> FloatArray:
+def _centre(mesh: Mesh, where: str) -> FloatArray:
     corners = mesh.vertices[mesh.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if not area.sum() > 0:
+        raise CaptureError(where, "faces that have an area", "none that has")
     return np.asarray(area @ corners.mean(1)[:, :2] / area.sum())
 
 

@@ -21,11 +21,12 @@ from mhvedit.pipeline.output import (
     write_json,
     write_result,
 )
-from mhvedit.pipeline.people import meet_people
+from mhvedit.pipeline.people import Person, meet_people
+from mhvedit.pipeline.segments import segment_key, segment_pair
 from mhvedit.pipeline.store import hashed
 from mhvedit.pipeline.story import report_content
 from mhvedit.project.schema import SceneFile
-from mhvedit.scene.edit import edit_as_dict, read_edit
+from mhvedit.scene.edit import EditedScene, edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
 from mhvedit.sequences.inspect import capture_warnings, inspect_capture
 from mhvedit.view.report import write_report
@@ -73,27 +74,43 @@ def run_scene(
         for sentence in warnings:
             (warn or (lambda text: None))(sentence)
         result = solve(job, workers=workers, progress=progress)
-        key = hashed(("outcome", VERSION, job.scene, [p.signature for p in result.people.values()], _answer(result)))
+        key = _outcome_key(result)
         if _is_finished(out, result, key, report=report):
             return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
         (out / FINISHED).unlink(missing_ok=True)
         write_result(out, result)
         content = _checked(out, result, warnings, workers=workers, report=report, tell=tell)
-        write_json(out / FINISHED, {"key": key})
+        write_json(out / FINISHED, {"key": key, "files": _stamps(out, _written(result, report=report))})
     return Outcome(result, content, redone=True)
 
 
-def _answer(result: Result) -> object:
-    return str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
+def _outcome_key(result: Result) -> str:
+    """A name for everything that the files in the output folder depend on."""
+    scene, people = result.job.scene, result.people
+    answer = str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
+    segments = [(segment_key(scene, s.spec, people, s.pair, s.cones), s.facing) for s in result.segments]
+    return hashed(("outcome", VERSION, scene, [p.signature for p in people.values()], segments, answer))
+
+
+def _written(result: Result, *, report: bool) -> list[str]:
+    """The files of an answer."""
+    names = [REPORT, SOURCE, *([EDIT] if result.assembly else []), *([PAGE] if report else [])]
+    return names + [f"{SOLUTIONS}/{segment.spec.name}.npz" for segment in result.segments]
+
+
+def _stamps(out: Path, names: list[str]) -> dict[str, list[int]]:
+    """Size and time of files."""
+    return {name: [(stat := (out / name).stat()).st_size, stat.st_mtime_ns] for name in names}
 
 
 def _is_finished(out: Path, result: Result, key: str, *, report: bool) -> bool:
-    """Whether an earlier run wrote all files for the very same answer."""
-    wanted = [REPORT, *([EDIT] if result.assembly else []), *([PAGE] if report else [])]
-    wanted += [f"{SOLUTIONS}/{segment.spec.name}.npz" for segment in result.segments]
+    """Whether an earlier run wrote all files for the very same answer, and nobody touched them since."""
     try:
-        return json.loads((out / FINISHED).read_text()) == {"key": key} and all((out / n).exists() for n in wanted)
-    except (OSError, ValueError):
+        kept = json.loads((out / FINISHED).read_text())
+        return bool(
+            kept["key"] == key and _stamps(out, _written(result, report=report)).items() <= kept["files"].items()
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return False
 
 
@@ -146,12 +163,13 @@ def check_output(
         progress: told what is being done.
 
     Raises:
-        CaptureError: the folder holds no edit.
+        CaptureError: the folder holds no edit, or none of its scene file as that is now.
     """
     tell = progress or (lambda stage, share: None)
     edit = read_edit(out / EDIT)
     job = job_of(out)
     people = meet_people(job.scene, job.subjects, job.store)
+    _check_belongs(out, edit, job, people)
     report = measure_scene(
         job,
         people,
@@ -161,6 +179,19 @@ def check_output(
         progress=lambda done, count: tell("check on the meshes", done / count),
     )
     return report, failures(report, thresholds)
+
+
+def _check_belongs(out: Path, edit: EditedScene, job: Job, people: Mapping[str, Person]) -> None:
+    """Refuse an edit whose scene file was changed since in a way that the check would trip over."""
+    asked = [
+        (s.name, s.between, segment_pair(job.scene, s, people, job.fps).n_frames, s.interaction.value)
+        for s in job.scene.segments
+    ]
+    there = [(s.name, s.between, s.stop - s.start, s.interaction) for s in edit.segments]
+    if asked != there or set(edit.subjects) != set(people):
+        raise CaptureError(
+            out / EDIT, f"the edit of {job.scene.file} as it is now", "an earlier one's: run `mhvedit solve` again"
+        )
 
 
 def job_of(out: Path) -> Job:

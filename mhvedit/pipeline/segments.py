@@ -9,7 +9,7 @@ from mhvedit.constraints.clauses import Clause
 from mhvedit.constraints.dictionary import Slack, temporal_clauses
 from mhvedit.constraints.fidelity import fidelity_clauses
 from mhvedit.constraints.visibility import SightCone, sight_cone
-from mhvedit.errors import CaptureError
+from mhvedit.errors import CaptureError, SceneError
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.quality import ContactMotion, contact_penalty
@@ -22,11 +22,12 @@ from mhvedit.search.sight import MutualSight
 from mhvedit.search.solve import ReasonMap, SightTest, search_poses
 from mhvedit.sequences.align import KeyRange, key_pair
 from mhvedit.sequences.segments import SegmentPair
-from mhvedit.volumes.history import frame_centres
+from mhvedit.volumes.history import frame_centres, word_count
 from mhvedit.volumes.parts import OwnMesh
 from mhvedit.volumes.subject import BODY, SubjectVolumes, part_of, subject_volumes
 
 VERSION = 1  # of what is kept; raise it when any stage up to here changes its results
+MOST_WORDS = 1 << 29  # 64-bit words that one volume may take: 4 GB
 LEVER = 0.5  # m, what a radian of yaw counts for in clearances
 Progress = Callable[[float], None]
 
@@ -69,6 +70,7 @@ def segment_volumes(
 
     Raises:
         CaptureError: a part is empty in some frame of the segment.
+        SceneError: the voxels are too small for a subject of that size.
     """
     wanted = [set(segment_parts(spec)[:1]), set(segment_parts(spec)[1:])]
     for first, second in spec.apart or ():
@@ -77,6 +79,7 @@ def segment_volumes(
     volumes = []
     for name, numbers, parts in zip(spec.between, (pair.a, pair.b), wanted, strict=True):
         person = people[name]
+        _check_size(scene, person, numbers)
         made = subject_volumes(
             person.sequence,
             person.subject.parts,
@@ -90,9 +93,7 @@ def segment_volumes(
     return volumes[0], volumes[1]
 
 
-def segment_cones(
-    spec: SegmentSpec, people: Mapping[str, Person], pair: SegmentPair
-) -> MutualSight | None:
+def segment_cones(spec: SegmentSpec, people: Mapping[str, Person], pair: SegmentPair) -> MutualSight | None:
     """Both cones of sight in canonical frames; None where visibility is not asked for."""
     if spec.visibility is None:
         return None
@@ -105,13 +106,13 @@ def segment_cones(
     return MutualSight(cones[0], cones[1])
 
 
-def segment_clauses(
-    spec: SegmentSpec, a: SubjectVolumes, b: SubjectVolumes, *, pitch: float
-) -> tuple[Clause, ...]:
+def segment_clauses(spec: SegmentSpec, a: SubjectVolumes, b: SubjectVolumes, *, pitch: float) -> tuple[Clause, ...]:
     """What a segment asks, in the order in which it is blamed."""
     parts, tolerance = segment_parts(spec), spec.tolerance
     slack = Slack(tolerance.frames, tolerance.voxels)
-    return temporal_clauses(spec.interaction, part_of(a, parts[0]), part_of(b, parts[1]), slack=slack) + fidelity_clauses(
+    return temporal_clauses(
+        spec.interaction, part_of(a, parts[0]), part_of(b, parts[1]), slack=slack
+    ) + fidelity_clauses(
         spec.interaction,
         a,
         b,
@@ -174,9 +175,7 @@ def segment_key(
             for part, thing in person.subject.parts.items()
             if isinstance(thing, OwnMesh)
         }
-        tracks = [
-            file_signatures((part.track.path,)) for part in own.parts.values() if hasattr(part, "track")
-        ]
+        tracks = [file_signatures((part.track.path,)) for part in own.parts.values() if hasattr(part, "track")]
         skeleton = None if own.skeleton is None else file_signatures((own.skeleton.path,))
         sides.append((person.signature, numbers.tolist(), own.parts, things, tracks, skeleton, person.pose.tolist()))
     sight = None
@@ -214,9 +213,7 @@ def _searched(
 def segment_grid(scene: SceneFile, root_a: FloatArray, root_b: FloatArray) -> PoseGrid:
     """Candidate poses of a segment whose roots are known."""
     search = scene.search
-    return pose_grid(
-        root_a, root_b, pitch=search.voxel, stride=search.stride, n_yaw=search.n_yaw, window=search.window
-    )
+    return pose_grid(root_a, root_b, pitch=search.voxel, stride=search.stride, n_yaw=search.n_yaw, window=search.window)
 
 
 def _contact(spec: SegmentSpec, kept: Mapping[str, FloatArray], n_frames: int) -> ContactMotion:
@@ -231,9 +228,19 @@ def _contact(spec: SegmentSpec, kept: Mapping[str, FloatArray], n_frames: int) -
     return ContactMotion(kept["part_a"][frames], kept["part_b"][frames], kept["root_a"], kept["root_b"], held)
 
 
-def _check_parts(
-    spec: SegmentSpec, name: str, parts: set[str], made: SubjectVolumes, numbers: IntArray
-) -> None:
+def _check_size(scene: SceneFile, person: Person, numbers: IntArray) -> None:
+    """Refuse what memory cannot hold: most often the units are wrong."""
+    rows = np.searchsorted(np.array(person.sequence.numbers), numbers)
+    size = person.bounds[rows, 1].max(0) - person.bounds[rows, 0].min(0)
+    words = word_count(len(numbers)) * float(np.prod(size / scene.search.voxel + 1))
+    if words > MOST_WORDS:
+        least = scene.search.voxel * (words / MOST_WORDS) ** (1 / 3)
+        box = " x ".join(f"{x:.3g}" for x in size)
+        expected = f"at least {least:.2g} m, as {person.subject.name} takes {box} m (units?)"
+        raise SceneError(scene.file, "search.voxel", expected, f"{scene.search.voxel:g}")
+
+
+def _check_parts(spec: SegmentSpec, name: str, parts: set[str], made: SubjectVolumes, numbers: IntArray) -> None:
     for part in sorted(parts):
         volume = part_of(made, part)
         seen = np.bitwise_or.reduce(volume.frames.reshape(-1, volume.frames.shape[-1]), axis=0)

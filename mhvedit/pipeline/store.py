@@ -4,6 +4,7 @@ import hashlib
 import logging
 import os
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from mhvedit.sequences.meshes import MeshSequence
 
 LOG = logging.getLogger(__name__)
+DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
 Arrays = Mapping[str, "np.ndarray[Any, Any]"]
 
 
@@ -61,11 +63,11 @@ def file_signatures(files: tuple[Path, ...]) -> tuple[object, ...]:
 
 def _read(path: Path) -> dict[str, "np.ndarray[Any, Any]"] | None:
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             return {name: data[name] for name in data.files}
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as fault:
+    except DAMAGED as fault:
         LOG.warning("%s is damaged and is made again: %s", path, fault)
         return None
 
@@ -75,7 +77,7 @@ def _write(path: Path, arrays: Arrays) -> None:
     beside = path.with_name(f"{path.stem}.{os.getpid()}.part")
     try:
         with beside.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, allow_pickle=False, **arrays)
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)

@@ -155,7 +155,7 @@ def _about(name: str, person: Person) -> CaptureStory:
     steps = np.degrees(np.abs(wrap_angle(np.diff(person.facing.yaw))))
     notes = []
     if "facing" in person.estimated and trust < DOUBTFUL_FACING:
-        notes.append("The facing is a doubtful estimate: look at it, and give `facing` in the scene file if it is wrong.")
+        notes.append("The facing is a doubtful estimate: look at it, and give `facing` in the scene file if wrong.")
     if len(steps) and steps.max() > 60:
         notes.append(f"The facing jumps by {steps.max():.0f} degrees at frame {numbers[int(steps.argmax()) + 1]}.")
     return CaptureStory(

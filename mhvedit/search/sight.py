@@ -1,4 +1,9 @@
-"""At which poses is somebody in sight? Exact on voxel centres; cells of 8 voxels are settled at once where possible."""
+"""At which shifts is somebody in sight? Exact on voxel centres, with work that grows with the boundary of the answer.
+
+Shifts are taken in square blocks and the volume in cells of 8 voxels. Seen from anywhere in a block, a cell lies within a
+ball around the direction of its middle; a block is settled if such a ball lies wholly in the cone, or if none reaches into
+it. Otherwise it is quartered, with those cells that are still open; single shifts look at the voxels of these.
+"""
 
 from dataclasses import dataclass
 
@@ -11,7 +16,9 @@ from mhvedit.geometry.planar import rotation
 from mhvedit.search.pyramid import TurnedColumns
 
 CELL_LEVEL = 3
-MARGIN = 1e-9  # rad, by which a whole cell must clear the cone's edge to be settled at once
+CELL = 1 << CELL_LEVEL  # voxels along a cell's side
+TOP_BLOCK = 64  # shifts along the side of the coarsest blocks
+MARGIN = 1e-9  # rad, by which a ball must clear the cone's edge to be settled at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,101 +29,139 @@ class MutualSight:
     b: SightCone
 
 
-def a_sees_b(cone: SightCone, b: TurnedColumns, shifts: FloatArray, *, pitch: float) -> BoolArray:
-    """Whether turned and shifted B is in A's cone.
+def a_sees_b(
+    cone: SightCone, b: TurnedColumns, *, base: IntArray, step: float, asked: BoolArray, pitch: float
+) -> BoolArray:
+    """At which shifts turned B is in A's cone.
 
     Args:
         cone: of A.
         b: all of B, turned.
-        shifts: (N, 2) of B, m.
+        base: (2,) shift of cell (0, 0), in steps.
+        step: between shifts, m.
+        asked: (X, Y) which shifts to decide; the others come back False.
         pitch: m.
 
     Returns:
-        (N,).
+        (X, Y).
     """
-    eyes = np.tile(cone.eye, (len(shifts), 1))
-    eyes[:, :2] -= shifts
-    return _in_sight(cone, cone.direction, eyes, b, pitch)
+    eye = cone.eye - np.append(base * step, 0.0)
+    return _in_sight(cone, cone.direction, eye, -step, b, asked, pitch)
 
 
-def b_sees_a(cone: SightCone, a: TurnedColumns, shifts: FloatArray, yaw: float, *, pitch: float) -> BoolArray:
-    """Whether A is in the cone of turned and shifted B; arguments as for `a_sees_b`, `yaw` in rad."""
-    eyes = np.tile(cone.eye, (len(shifts), 1))
-    eyes[:, :2] = rotation(yaw) @ cone.eye[:2] + shifts
-    direction = cone.direction.copy()
+def b_sees_a(
+    cone: SightCone, a: TurnedColumns, yaw: float, *, base: IntArray, step: float, asked: BoolArray, pitch: float
+) -> BoolArray:
+    """At which shifts A is in the cone of turned B; arguments as for `a_sees_b`, `yaw` in rad."""
+    eye, direction = cone.eye.copy(), cone.direction.copy()
+    eye[:2] = rotation(yaw) @ cone.eye[:2] + base * step
     direction[:2] = rotation(yaw) @ cone.direction[:2]
-    return _in_sight(cone, direction, eyes, a, pitch)
+    return _in_sight(cone, direction, eye, step, a, asked, pitch)
 
 
 def _in_sight(
-    cone: SightCone, direction: FloatArray, eyes: FloatArray, volume: TurnedColumns, pitch: float
-) -> BoolArray:
-    cells = np.argwhere(volume.levels[CELL_LEVEL].any(-1)).astype(np.int32)
-    found = _search(cells, volume.starts[0], volume.column_of, volume.bits, eyes, direction, cone.half_angle, pitch)
-    return np.asarray(found)
-
-
-@njit(cache=True, nogil=True)
-def _search(
-    cells: Int32Array,
-    start: IntArray,
-    column_of: Int32Array,
-    bits: Words,
-    eyes: FloatArray,
+    cone: SightCone,
     direction: FloatArray,
-    half_angle: float,
+    eye: FloatArray,
+    step: float,
+    volume: TurnedColumns,
+    asked: BoolArray,
     pitch: float,
 ) -> BoolArray:
-    out = np.zeros(eyes.shape[0], np.bool_)
-    size = 1 << CELL_LEVEL
-    radius = 0.5 * np.sqrt(3.0) * (size - 1) * pitch
-    middle = 0.5 * (size - 1)
-    for p in range(eyes.shape[0]):
-        for c in range(cells.shape[0]):
-            x = (start[0] + size * cells[c, 0] + middle) * pitch - eyes[p, 0]
-            y = (start[1] + size * cells[c, 1] + middle) * pitch - eyes[p, 1]
-            z = (start[2] + size * cells[c, 2] + middle) * pitch - eyes[p, 2]
-            far = np.sqrt(x * x + y * y + z * z)
-            if far > radius:
-                cosine = (x * direction[0] + y * direction[1] + z * direction[2]) / far
-                angle = np.arccos(min(1.0, max(-1.0, cosine)))
-                spread = np.arcsin(radius / far)
-                if angle - spread > half_angle + MARGIN:
-                    continue
-                if angle + spread < half_angle - MARGIN:
-                    out[p] = True
-                    break
-            if _voxel_in_sight(cells[c], size, start, column_of, bits, eyes[p], direction, half_angle, pitch):
-                out[p] = True
-                break
+    """The eye of cell (i, j) is at eye + (i, j) * step."""
+    out = np.zeros(asked.shape, np.bool_)
+    cells = np.argwhere(volume.levels[CELL_LEVEL].any(-1)).astype(np.int32)
+    middles = (volume.starts[0] + CELL * cells + 0.5 * (CELL - 1)) * pitch
+    open_cells = np.empty((TOP_BLOCK.bit_length() + 1, len(cells)), np.int32)
+    open_cells[0] = np.arange(len(cells))
+    view = (np.ascontiguousarray(eye), np.ascontiguousarray(direction), cone.half_angle, step, pitch)
+    solid = (cells, np.ascontiguousarray(middles), volume.starts[0], volume.column_of, volume.bits)
+    for i in range(0, asked.shape[0], TOP_BLOCK):
+        for j in range(0, asked.shape[1], TOP_BLOCK):
+            _block(i, j, TOP_BLOCK, 0, len(cells), open_cells, view, solid, asked, out)
     return out
 
 
+View = tuple[FloatArray, FloatArray, float, float, float]
+Solid = tuple[Int32Array, FloatArray, IntArray, Int32Array, Words]
+
+
 @njit(cache=True, nogil=True)
-def _voxel_in_sight(
-    cell: Int32Array,
+def _block(
+    i: int,
+    j: int,
     size: int,
-    start: IntArray,
-    column_of: Int32Array,
-    bits: Words,
-    eye: FloatArray,
-    direction: FloatArray,
-    half_angle: float,
-    pitch: float,
-) -> bool:
+    depth: int,
+    n_open: int,
+    open_cells: Int32Array,
+    view: View,
+    solid: Solid,
+    asked: BoolArray,
+    out: BoolArray,
+) -> None:
+    """Settle a block of shifts, or its quarters."""
+    i_stop, j_stop = min(asked.shape[0], i + size), min(asked.shape[1], j + size)
+    if i >= i_stop or j >= j_stop or not asked[i:i_stop, j:j_stop].any():
+        return
+    eye, direction, half_angle, step, pitch = view
+    reach = 0.5 * np.sqrt(3.0) * (CELL - 1) * pitch + abs(step) * (size - 1) * np.sqrt(0.5)
+    at_x, at_y = eye[0] + (i + 0.5 * (size - 1)) * step, eye[1] + (j + 0.5 * (size - 1)) * step
+    kept = 0
+    for c in range(n_open):
+        cell = open_cells[depth, c]
+        found = _ball_in_cone(solid[1][cell], at_x, at_y, eye[2], direction, half_angle, reach)
+        if found > 0:
+            for u in range(i, i_stop):
+                for v in range(j, j_stop):
+                    out[u, v] = asked[u, v]
+            return
+        if found == 0:
+            open_cells[depth + 1, kept] = cell
+            kept += 1
+    if size == 1:
+        for c in range(kept):
+            if _voxel_in_sight(open_cells[depth + 1, c], at_x, at_y, view, solid):
+                out[i, j] = True
+                return
+    elif kept > 0:
+        half = size // 2
+        for u in (i, i + half):
+            for v in (j, j + half):
+                _block(u, v, half, depth + 1, kept, open_cells, view, solid, asked, out)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _ball_in_cone(
+    middle: FloatArray, at_x: float, at_y: float, at_z: float, direction: FloatArray, half_angle: float, reach: float
+) -> int:
+    """1 if everything within reach of the middle is in the cone, -1 if nothing is, 0 if that is open."""
+    x, y, z = middle[0] - at_x, middle[1] - at_y, middle[2] - at_z
+    far = np.sqrt(x * x + y * y + z * z)
+    if far <= reach:
+        return 0
+    cosine = (x * direction[0] + y * direction[1] + z * direction[2]) / far
+    angle = np.arccos(min(1.0, max(-1.0, cosine)))
+    spread = np.arcsin(reach / far) + MARGIN
+    if angle - spread > half_angle:
+        return -1
+    return 1 if angle + spread < half_angle else 0
+
+
+@njit(cache=True, nogil=True)
+def _voxel_in_sight(cell: int, at_x: float, at_y: float, view: View, solid: Solid) -> bool:
+    """Whether the centre of some filled voxel of a cell is in the cone."""
+    eye, direction, half_angle, _, pitch = view
+    cells, _, start, column_of, bits = solid
     cosine = np.cos(half_angle)
-    for i in range(size * cell[0], size * cell[0] + size):
-        for j in range(size * cell[1], size * cell[1] + size):
+    for i in range(CELL * cells[cell, 0], CELL * cells[cell, 0] + CELL):
+        for j in range(CELL * cells[cell, 1], CELL * cells[cell, 1] + CELL):
             column = column_of[i, j]
             if column < 0:
                 continue
-            x = (start[0] + i) * pitch - eye[0]
-            y = (start[1] + j) * pitch - eye[1]
-            for k in range(size * cell[2], size * cell[2] + size):
+            x, y = (start[0] + i) * pitch - at_x, (start[1] + j) * pitch - at_y
+            for k in range(CELL * cells[cell, 2], CELL * cells[cell, 2] + CELL):
                 z = (start[2] + k) * pitch - eye[2]
                 along = x * direction[0] + y * direction[1] + z * direction[2]
-                if along >= cosine * np.sqrt(x * x + y * y + z * z):
-                    for w in range(bits.shape[2]):
-                        if bits[column, k, w] != 0:
-                            return True
+                if along >= cosine * np.sqrt(x * x + y * y + z * z) and bits[column, k].any():
+                    return True
     return False

@@ -186,12 +186,9 @@ def _mark_unseen(
     number: int,
 ) -> None:
     """Reject the poses at which one does not see the other."""
-    pitch = grid.step / grid.stride
-    cells = np.argwhere(alive)
-    shifts: FloatArray = (grid.base[k] + cells) * grid.step
+    where = {"base": grid.base[k], "step": grid.step, "pitch": grid.step / grid.stride}
     b = _turned(sight.b, prepared, turned_b, grid, k)
-    a = turned(prepared.columns[id(sight.a)], 0.0)
-    seen = a_sees_b(sight.cones.a, b, shifts, pitch=pitch)
-    back = b_sees_a(sight.cones.b, a, shifts, yaw, pitch=pitch)
-    reason[tuple(cells[~seen].T)] = number
-    reason[tuple(cells[seen & ~back].T)] = number + 1
+    seen = a_sees_b(sight.cones.a, b, asked=alive, **where)
+    back = b_sees_a(sight.cones.b, turned(prepared.columns[id(sight.a)], 0.0), yaw, asked=seen, **where)
+    reason[alive & ~seen] = number
+    reason[seen & ~back] = number + 1

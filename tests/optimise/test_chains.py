@@ -1,4 +1,4 @@
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -102,7 +102,7 @@ def test_cheapest_chain_is_the_exhaustive_optimum(stages: list[list[tuple[float,
 
     def cost(chain: tuple[int, ...]) -> float:
         picked = [table[i] for table, i in zip(tables, chain, strict=True)]
-        moved = [0.5 * ((q[:2] - p[2:4]) ** 2).sum() for p, q in zip(picked[:-1], picked[1:], strict=True)]
+        moved = [0.5 * ((q[:2] - p[2:4]) ** 2).sum() for p, q in pairwise(picked)]
         return float(sum(p[4] for p in picked) + sum(moved))
 
     chosen, total = cheapest_chain([t[:, 4] for t in tables], [t[:, :2] for t in tables], [t[:, 2:4] for t in tables])

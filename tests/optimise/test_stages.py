@@ -30,10 +30,8 @@ def test_segments_that_do_not_adjoin_keep_their_own_solutions() -> None:
 
 
 @settings(max_examples=40)
-@given(st.lists(few_keys, min_size=2, max_size=3), st.randoms())
-def test_adjoining_segments_share_what_all_of_them_accept(
-    groups: list[list[tuple[int, int, int]]], random: object
-) -> None:
+@given(st.lists(few_keys, min_size=2, max_size=3))
+def test_adjoining_segments_share_what_all_of_them_accept(groups: list[list[tuple[int, int, int]]]) -> None:
     merits = [[0.1 * (7 * k[0] + 3 * k[1] + k[2]) * (-1) ** i for k in group] for i, group in enumerate(groups)]
     segments = [segment_of(str(i), g, merit=m) for i, (g, m) in enumerate(zip(groups, merits, strict=True))]
     common = sorted(set.intersection(*(set(group) for group in groups)))

@@ -1,0 +1,158 @@
+"""The same answer every time, and a second run that redoes only what its inputs changed."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mhvedit import api
+from mhvedit.pipeline import run
+from mhvedit.pipeline.run import Outcome, run_scene
+from tests.pipeline.toy import ANNA, BEN, LOWER_TABLE, files_of, write_actor, write_scene
+
+pytestmark = pytest.mark.usefixtures("unmeasured")
+Solved = tuple[Path, Outcome]
+
+
+@pytest.fixture
+def out(folder: Path) -> Path:
+    """Solved once."""
+    run_scene(folder / "scene.toml", folder / "out", report=False)
+    return folder / "out"
+
+
+def again(out: Path, *changes: tuple[str, str]) -> Outcome:
+    return run_scene(write_scene(out.parent, *changes), out, report=False)
+
+
+def test_workers_do_not_matter(solved: Solved, captures: Path, tmp_path: Path) -> None:
+    run_scene(captures / "scene.toml", tmp_path / "out", workers=2, report=False)
+    first, second = files_of(solved[0]), files_of(tmp_path / "out")
+    assert first["edit.json"] == second["edit.json"]
+    for name in ("raise", "lower"):
+        with (
+            np.load(solved[0] / f"solutions/{name}.npz") as a,
+            np.load(tmp_path / f"out/solutions/{name}.npz") as b,
+        ):
+            assert a.files == b.files
+            for key in a.files:
+                np.testing.assert_array_equal(a[key], b[key])
+
+
+@pytest.mark.parametrize("kind", ["ply", "npz"])
+def test_how_a_capture_is_stored_does_not_matter(solved: Solved, tmp_path: Path, kind: str) -> None:
+    write_actor(tmp_path, "anna", ANNA, kind=kind)
+    write_actor(tmp_path, "ben", BEN)
+    named = "anna.npz" if kind == "npz" else "anna"
+    run_scene(write_scene(tmp_path, ('path = "anna"', f'path = "{named}"')), tmp_path / "out", report=False)
+    assert files_of(tmp_path / "out")["edit.json"] == files_of(solved[0])["edit.json"]
+
+
+def test_nothing_changed(out: Path, searches: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    before = {name: (out / name).stat().st_mtime_ns for name in files_of(out)}
+    monkeypatch.setattr(run, "measure_scene", None)
+    assert not again(out).redone
+    assert searches == []
+    assert before == {name: (out / name).stat().st_mtime_ns for name in files_of(out)}
+
+
+def test_a_comment_changed(out: Path, searches: list[int]) -> None:
+    assert not again(out, ("version = 1", "# a comment\nversion = 1")).redone
+    assert searches == []
+
+
+def test_one_segments_tolerance_changed(out: Path, searches: list[int]) -> None:
+    before = (out / "solutions" / "lower.npz").read_bytes()
+    outcome = again(out, (LOWER_TABLE, LOWER_TABLE.replace("depth = 0.06", "depth = 0.08")))
+    assert outcome.redone and len(searches) == 1
+    assert (out / "solutions" / "lower.npz").read_bytes() != before or outcome.report["segments"][1]["solutions"] > 0
+
+
+def test_only_weights_changed(out: Path, searches: list[int]) -> None:
+    assert again(out, ("[search]", "[optimise]\nfacing_weight = 2.0\n\n[search]")).redone
+    assert searches == []
+
+
+def test_a_segments_name_changed(out: Path, searches: list[int]) -> None:
+    again(out, ('name = "lower"', 'name = "sink"'))
+    assert searches == []
+    assert {n for n in files_of(out) if n.startswith("solutions")} == {"solutions/raise.npz", "solutions/sink.npz"}
+
+
+def test_a_capture_changed(out: Path, searches: list[int]) -> None:
+    file = out.parent / "ben" / "ben_0004.obj"
+    os.utime(file, ns=(1, 1))
+    again(out)
+    assert len(searches) == 2
+
+
+def test_a_track_changed(out: Path, searches: list[int]) -> None:
+    """Of the hand: the parts, and with them the solutions, change; the reports are made again."""
+    track = out.parent / "ben.csv"
+    track.write_text(track.read_text() + "99,hand,0.0,0.0,0.0\n")
+    assert again(out).redone
+    assert len(searches) == 2
+
+
+def test_an_answer_that_somebody_changed_is_written_again(out: Path) -> None:
+    before = files_of(out)
+    for name in ("edit.json", "report.json", "solutions/raise.npz"):
+        (out / name).write_bytes(b"{}")
+        assert again(out).redone
+        assert files_of(out)["edit.json"] == before["edit.json"]
+        assert json.loads((out / "report.json").read_text())["solved"]
+        with np.load(out / "solutions" / "raise.npz") as kept:
+            assert len(kept["x"])
+
+
+def test_another_solution_that_was_written_there_gives_way(out: Path) -> None:
+    before = files_of(out)["edit.json"]
+    result = api.solve(api.load(out.parent / "scene.toml", cache=out / ".cache"))
+    assert result.assembly is not None
+    row = 0 if result.assembly.chosen[0] else 1
+    api.write(api.choose(result, {"raise": row}), out)
+    assert files_of(out)["edit.json"] != before
+    again(out)
+    assert files_of(out)["edit.json"] == before
+
+
+def test_a_page_of_another_answer_is_taken_away(out: Path) -> None:
+    (out / "report.html").write_text("of an earlier answer")
+    again(out, ("window = 2.4", "window = 2.6"))
+    assert not (out / "report.html").exists()
+
+
+@pytest.mark.parametrize("spoil", ["truncate", "garble", "empty", "another"])
+def test_a_damaged_cache_is_rebuilt(
+    out: Path, spoil: str, searches: list[int], caplog: pytest.LogCaptureFixture
+) -> None:
+    before = files_of(out)
+    (out / "edit.json").unlink()
+    spoilt = out / ".cache" / ("results" if spoil == "another" else "")
+    for file in [p for p in spoilt.rglob("*") if p.is_file()]:
+        file.write_bytes(SPOILT[spoil](file.read_bytes()))
+    again(out)
+    assert len(searches) == 2
+    assert files_of(out)["edit.json"] == before["edit.json"]
+    assert "damaged" in caplog.text
+
+
+SPOILT = {
+    "truncate": lambda data: data[: len(data) // 2],
+    "garble": lambda data: data[:60] + bytes(255 - b for b in data[60:120]) + data[120:],
+    "empty": lambda data: b"",
+    "another": lambda data: b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (0,), }".ljust(
+        128
+    ),
+}
+
+
+def test_a_linked_output_folder(folder: Path, tmp_path: Path) -> None:
+    """`check` finds the scene file again through a link that leads elsewhere."""
+    (tmp_path / "far" / "away" / "disk").mkdir(parents=True)
+    out = folder / "out"
+    out.symlink_to(tmp_path / "far" / "away" / "disk")
+    run_scene(folder / "scene.toml", out, report=False)
+    assert run.job_of(out).scene.name == "toy"
