@@ -51,9 +51,9 @@ shares no code with mhvedit. Made by `python benchmarks/results.py`; facing and 
 - *added step*: the most that the edit adds to anyone's motion from one frame to the next.
 - *seconds*: a first solve with its check on the meshes, two threads, without drawing the report.
 
-A type alone leaves much open. Where a scene has one segment and nobody touches anybody (`box_follow`, `crawl_out`), metres
-and all directions are left, and the chosen pose says nothing about the truth; a hold of some length (`pushup_grab`, `salsa_open`)
-or many segments (`greeting`) pin it down.
+A type alone leaves much open. Where a scene has one segment and nobody touches anybody (`box_follow`, `crawl_out`),
+metres and all directions are left, and the chosen pose says nothing about the truth. Many segments (`greeting`) narrow
+it down by themselves; a long hold (`pushup_grab`) does by how the parts move in it, which is what quality measures.
 """
 
 

@@ -1,6 +1,6 @@
 """Solves the whole bundled fight: nine key segments, 425 frames a person, 10 mm and 2 degrees; some minutes.
 
-    python examples/full_duel.py      # writes out/duel, with its report
+python examples/full_duel.py      # writes out/duel, with its report
 """
 
 from pathlib import Path

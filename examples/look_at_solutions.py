@@ -1,6 +1,6 @@
 """Reads an output folder without mhvedit: what was found, what was rejected and why, what was chosen.
 
-    python examples/look_at_solutions.py      # reads out/demo, which `mhvedit demo` writes
+python examples/look_at_solutions.py      # reads out/demo, which `mhvedit demo` writes
 """
 
 import json

@@ -1,6 +1,6 @@
 """Solves the short duel on a coarse grid, picks another solution than the chosen one, and writes both.
 
-    python examples/pick_another.py      # writes out/chosen and out/picked
+python examples/pick_another.py      # writes out/chosen and out/picked
 """
 
 import math

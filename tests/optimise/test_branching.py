@@ -11,12 +11,13 @@ from mhvedit.optimise.branching import (
     _blocks,
     _bounds,
     _Branch,
+    _cell_bounds,
     _Cells,
     _Level,
     _refined,
     best_chain,
 )
-from mhvedit.optimise.chains import StageCosts, chain_cost, stage_costs, with_best_turns
+from mhvedit.optimise.chains import StageCosts, chain_cost, change_of_offset, facing_cost, stage_costs, with_best_turns
 from mhvedit.optimise.stages import Stage
 from tests.optimise.problems import N_YAW, STEP, problem
 
@@ -125,6 +126,28 @@ def test_no_chain_through_a_cell_costs_less_than_its_bound(seed: int) -> None:
         finer = level.halved(step=STEP, yaw_step=2 * np.pi / N_YAW)
         blocks, branches = _refined(costs, blocks, branches, level, finer)
         level = finer
+
+
+@pytest.mark.parametrize("spread", ["turn", "gauge", "pose", "all"])
+def test_what_is_in_a_cell_lies_in_its_disc(spread: str) -> None:
+    """The corners of a cell, where each of its three freedoms is as far from the middle as it gets."""
+    stages = problem(3, count=3, size=60)
+    for stage in stage_costs(stages, facing_weight=0.5):
+        sizes = {"turn": (1, 1, 0.3, 0.0), "gauge": (1, 1, 0.0, 0.3), "pose": (4, 6, 0.0, 0.0), "all": (4, 6, 0.2, 0.3)}
+        level = _Level(*sizes[spread], most_turn=1.0)
+        blocks = _blocks(stage, level)
+        slots = np.zeros(len(blocks.member), np.int64)
+        bounds = _cell_bounds(stage, blocks, _Cells(np.arange(len(slots)), slots), 2.0, level)
+        index = stage.keys // np.array([level.block, level.block, level.yaws])
+        rows = np.arange(len(index))
+        cell = np.array([np.flatnonzero((blocks.index == own).all(1))[0] for own in index])
+        for side, other in product((-1, 1), (-1, 1)):
+            turn = np.full(len(rows), -level.most_turn + (1 + side) * level.half_turn)
+            gauge = 2.0 + other * level.half_gauge
+            for which, centre in ((0, bounds.first), (-1, bounds.last)):
+                e = change_of_offset(stage, rows, turn, gauge, which)
+                assert (np.hypot(*(e.T - [centre[cell].real, centre[cell].imag])) <= bounds.radius[cell] + 1e-12).all()
+            assert (facing_cost(stage, stage.yaws - gauge, turn) >= bounds.unary[cell] - 1e-12).all()
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -97,7 +97,8 @@ def test_three_segments_with_different_poses(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scene.segments[0].relative, scene.segments[1].relative)
     assert np.abs(scene.segments[2].relative - scene.segments[1].relative).max() > 0.04
     assert scene.cost > 0 and scene.lower_bound <= scene.cost + 1e-12 and scene.gap < 1
-    poses = [compose(invert(a), b) for a, b in [[e.placements for e in scene.subjects.values()]]][0]
+    a, b = (scene.subjects[name].placements for name in ("anna", "ben"))
+    poses = compose(invert(a), b)
     between = slice(scene.segments[1].stop - 1, scene.segments[2].start + 1)
     whole = np.linalg.norm(poses[between][-1, :2] - poses[between][0, :2])
     steps = np.linalg.norm(np.diff(poses[between, :2], axis=0), axis=1)
@@ -136,14 +137,12 @@ def test_frames_before_and_after_move_with_the_segment_next_to_them(tmp_path: Pa
 
 
 def test_frames_that_one_of_them_lacks_are_left_out(tmp_path: Path) -> None:
-    anna = replace(ANNA, numbers=range(16))
-    ben = replace(BEN, numbers=range(16))
     late = RAISE_TABLE.replace("ben = [0, 6]", "ben = [1, 6]").replace("anna = [0, 6]", "anna = [0, 5]")
-    result = solve(tmp_path, (RAISE_TABLE, late), (LOWER_TABLE, ""), actors=(anna, ben))
+    result = solve(tmp_path, (RAISE_TABLE, late), (LOWER_TABLE, ""))
     scene = scene_of(result)
     check_rigid(scene)
     assert result.assembly is not None
-    assert result.assembly.stretches[0].left_out == (0, 1) or scene.segments[0].start == 1
+    assert result.assembly.stretches[0].left_out == (0, 1)
 
 
 @pytest.mark.parametrize("rate", [15, 60])
@@ -159,10 +158,9 @@ def test_subjects_of_different_rates(tmp_path: Path, rate: int) -> None:
 
 def test_a_gap_in_the_numbers_between_segments(tmp_path: Path) -> None:
     """Frame 7 was never captured, and nobody asks for it."""
-    anna = replace(ANNA, numbers=range(0, 16))
     folder = tmp_path / "job"
     folder.mkdir()
-    write_actor(folder, "anna", anna)
+    write_actor(folder, "anna", ANNA)
     write_actor(folder, "ben", BEN)
     (folder / "ben" / "ben_0007.obj").unlink()
     scene = scene_of(api.solve(api.load(write_scene(folder))))
