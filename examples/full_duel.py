@@ -9,19 +9,17 @@ from mhvedit import api
 from mhvedit.pipeline.bundled import bundled_scene
 
 
-def main(out: Path = Path("out/duel"), scene: Path | None = None) -> None:
+def main(out: Path = Path("out/duel")) -> None:
     """Solve, check, and draw the report."""
-    outcome = api.run_scene(scene or bundled_scene("scene"), out, report=scene is None)
-    for segment in outcome.result.segments:
-        seconds = outcome.result.seconds[f"segment {segment.spec.name}"]
-        print(f"{segment.spec.name:22} {segment.spec.interaction.value:5} {len(segment.group):9,} {seconds:5.1f} s")
-    assembly = outcome.result.assembly
-    if assembly is None or outcome.check is None:
-        print(outcome.result.failure)
+    outcome = api.run_scene(bundled_scene("scene"), out)
+    for segment in outcome.report["segments"]:
+        print(f"{segment['name']:22} {segment['interaction']:5} {segment['solutions']:9,} placements")
+    if not outcome.report["solved"]:
+        print(outcome.report["failure"])
         return
-    print(f"cost {assembly.scene.cost:.3g} m², gap {assembly.scene.gap:.2g} %")
-    print(f"deepest penetration {outcome.check.deepest * 1000:.1f} mm")
-    print("\n".join(outcome.problems) or "nothing passes a threshold")
+    print(f"cost {outcome.report['cost']:.3g} m², gap {outcome.report['gap']:.2g} %")
+    print(f"deepest penetration {outcome.report['check']['deepest_mm']:.1f} mm")
+    print("\n".join(outcome.report["problems"]) or "nothing passes a threshold")
 
 
 if __name__ == "__main__":

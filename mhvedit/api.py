@@ -1,11 +1,12 @@
 """The Python interface: load a scene, solve it, look at solution groups, pick, write.
 
-    from mhvedit import api
+Five lines do it all::
 
-    result = api.solve(api.load("scene.toml"))
-    group = result.segment("04-slap").group
-    result = api.choose(result, {"04-slap": int(group.clearance.argmax())})
-    api.write(result, "out")
+  from mhvedit import api
+  result = api.solve(api.load("scene.toml"))
+  group = result.segment("04-slap").group
+  result = api.choose(result, {"04-slap": int(group.clearance.argmax())})
+  api.write(result, "out")
 """
 
 from pathlib import Path

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 DONE, NO, BAD_INPUT = 0, 1, 2
 INTERRUPTED = 130
+STOPPED = "interrupted; the next run goes on from here"
 
 app = typer.Typer(
     help="Put people who were filmed apart into one scene.", no_args_is_help=True, pretty_exceptions_enable=False
@@ -35,13 +36,14 @@ def main() -> None:
 
 
 def _exit_code() -> int:
-    """Run the command that was asked for; click returns the code of a `typer.Exit`."""
+    """Run the command that was asked for; typer returns the code of an exit, and makes one of Ctrl-C."""
     try:
-        return int(app(standalone_mode=False) or DONE)
+        code = int(app(standalone_mode=False) or DONE)
+        return _complain(STOPPED, INTERRUPTED) if code == INTERRUPTED else code
     except MhveditError as fault:
         return _complain(str(fault), BAD_INPUT)
     except (typer.Abort, KeyboardInterrupt):
-        return _complain("interrupted; the next run goes on from here", INTERRUPTED)
+        return _complain(STOPPED, INTERRUPTED)
     except OSError as fault:
         expected = "a file or folder that can be read and written"
         return _complain(

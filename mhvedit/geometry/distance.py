@@ -23,7 +23,7 @@ def distance_to_outside(inside: BoolArray, *, spacing: tuple[float, float, float
     _along_middle(squared, spacing[1])
     swapped = np.ascontiguousarray(squared.transpose(1, 0, 2))
     _along_middle(swapped, spacing[0])
-    return np.sqrt(swapped.transpose(1, 0, 2)[1:-1, 1:-1])
+    return np.asarray(np.sqrt(swapped.transpose(1, 0, 2)[1:-1, 1:-1]))
 
 
 @njit(cache=True, nogil=True)

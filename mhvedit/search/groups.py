@@ -90,7 +90,7 @@ def connected_regions(accepted: BoolArray) -> Int32Array:
     inside = accepted[box]
     labels, count = ndimage.label(inside, np.ones((3, 3, 3)))
     parent = np.arange(count + 1)
-    for here, there in _seam_pairs(labels):
+    for here, there in _seam_pairs(np.asarray(labels, np.int32)):
         a, b = _root(parent, here), _root(parent, there)
         parent[max(a, b)] = min(a, b)
     merged = np.array([_root(parent, label) for label in range(count + 1)])

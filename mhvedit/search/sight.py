@@ -1,8 +1,8 @@
 """At which shifts is somebody in sight? Exact on voxel centres, with work that grows with the boundary of the answer.
 
-Shifts are taken in square blocks and the volume in cells of 8 voxels. Seen from anywhere in a block, a cell lies within a
-ball around the direction of its middle; a block is settled if such a ball lies wholly in the cone, or if none reaches into
-it. Otherwise it is quartered, with those cells that are still open; single shifts look at the voxels of these.
+Shifts are taken in square blocks and the volume in cells of 8 voxels. Seen from anywhere in a block, a cell lies within
+a ball around the direction of its middle; a block is settled if such a ball lies wholly in the cone, or if none reaches
+into it. Otherwise it is quartered, with those cells that are still open; single shifts look at the voxels of these.
 """
 
 from dataclasses import dataclass
@@ -103,31 +103,53 @@ def _block(
     i_stop, j_stop = min(asked.shape[0], i + size), min(asked.shape[1], j + size)
     if i >= i_stop or j >= j_stop or not asked[i:i_stop, j:j_stop].any():
         return
-    eye, direction, half_angle, step, pitch = view
-    reach = 0.5 * np.sqrt(3.0) * (CELL - 1) * pitch + abs(step) * (size - 1) * np.sqrt(0.5)
+    eye, step = view[0], view[3]
     at_x, at_y = eye[0] + (i + 0.5 * (size - 1)) * step, eye[1] + (j + 0.5 * (size - 1)) * step
-    kept = 0
-    for c in range(n_open):
-        cell = open_cells[depth, c]
-        found = _ball_in_cone(solid[1][cell], at_x, at_y, eye[2], direction, half_angle, reach)
-        if found > 0:
-            for u in range(i, i_stop):
-                for v in range(j, j_stop):
-                    out[u, v] = asked[u, v]
-            return
-        if found == 0:
-            open_cells[depth + 1, kept] = cell
-            kept += 1
-    if size == 1:
-        for c in range(kept):
-            if _voxel_in_sight(open_cells[depth + 1, c], at_x, at_y, view, solid):
-                out[i, j] = True
-                return
-    elif kept > 0:
+    kept = _sift(size, n_open, open_cells[depth], open_cells[depth + 1], at_x, at_y, view, solid)
+    if kept < 0 or (size == 1 and _any_in_sight(open_cells[depth + 1, :kept], at_x, at_y, view, solid)):
+        for u in range(i, i_stop):
+            for v in range(j, j_stop):
+                out[u, v] = asked[u, v]
+    elif size > 1 and kept > 0:
         half = size // 2
         for u in (i, i + half):
             for v in (j, j + half):
                 _block(u, v, half, depth + 1, kept, open_cells, view, solid, asked, out)
+
+
+@njit(cache=True, nogil=True)
+def _sift(
+    size: int,
+    n_open: int,
+    open_cells: Int32Array,
+    kept: Int32Array,
+    at_x: float,
+    at_y: float,
+    view: View,
+    solid: Solid,
+) -> int:
+    """Keep the cells that are still open for a block of shifts; -1 if some cell is in sight from all of it."""
+    eye, direction, half_angle, step, pitch = view
+    reach = 0.5 * np.sqrt(3.0) * (CELL - 1) * pitch + abs(step) * (size - 1) * np.sqrt(0.5)
+    n = 0
+    for c in range(n_open):
+        cell = open_cells[c]
+        found = _ball_in_cone(solid[1][cell], at_x, at_y, eye[2], direction, half_angle, reach)
+        if found > 0:
+            return -1
+        if found == 0:
+            kept[n] = cell
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _any_in_sight(open_cells: Int32Array, at_x: float, at_y: float, view: View, solid: Solid) -> bool:
+    """Whether some voxel of the open cells is in the cone."""
+    for cell in open_cells:
+        if _voxel_in_sight(cell, at_x, at_y, view, solid):
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -8,7 +8,7 @@ import numpy as np
 
 from mhvedit.constraints.clauses import Clause, Meeting, Option
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
-from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray
+from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.search.meet import meets
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.pyramid import Columns, Pyramid, TurnedColumns, columns_of, pyramid_of, turned

@@ -1,4 +1,4 @@
-"""A frame of its own for each capture, fixed by the meshes alone, so that no result depends on the capture's world frame."""
+"""A frame of its own for each capture, fixed by the meshes, so that no result depends on the capture's world frame."""
 
 import numpy as np
 

@@ -3,9 +3,9 @@
 What counts as inside. A ray along an axis through a voxel's centre crosses the surface; each crossing enters or
 leaves, and the sum up to the centre is the winding number seen by that ray. A ray whose crossings balance votes
 "inside" where its winding number is not zero; one whose crossings do not balance (holes, flipped or missing faces), or
-whose winding number changes sign, votes by parity, counted from either end. A mesh without boundary (every edge is run through equally often
-both ways) needs the rays along z only; any other takes the six rays along x, y and z, and a voxel is inside where at
-least four agree.
+whose winding number changes sign, votes by parity, counted from either end. A mesh without boundary (every edge is run
+through equally often both ways) needs the rays along z only; any other takes the six rays along x, y and z, and a
+voxel is inside where at least four agree.
 
 Exact: corners are snapped to 1/65536 of a voxel, ray-triangle incidence is decided in integers, and a ray that passes
 through an edge or a corner counts for exactly one of the triangles that meet there.

@@ -10,6 +10,7 @@ from mhvedit.pipeline import misses, run, segments
 from mhvedit.pipeline.measure import measure_scene
 from mhvedit.pipeline.run import Outcome, run_scene
 from mhvedit.scene.report import SceneReport
+from mhvedit.search.solve import search_poses
 from tests.pipeline.toy import ANNA, BEN, Ran, write_actor, write_scene
 
 
@@ -55,11 +56,10 @@ def mhvedit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Grows by the size of the grid with every search that is made."""
     made: list[int] = []
-    search = segments.search_poses
 
     def counted(grid: object, *args: object, **options: object) -> object:
         made.append(grid.size)  # type: ignore[attr-defined]
-        return search(grid, *args, **options)  # type: ignore[arg-type]
+        return search_poses(grid, *args, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(segments, "search_poses", counted)
     monkeypatch.setattr(misses, "search_poses", counted)

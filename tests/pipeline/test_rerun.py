@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -139,7 +140,7 @@ def test_a_damaged_cache_is_rebuilt(
     assert "damaged" in caplog.text
 
 
-SPOILT = {
+SPOILT: dict[str, Callable[[bytes], bytes]] = {
     "truncate": lambda data: data[: len(data) // 2],
     "garble": lambda data: data[:60] + bytes(255 - b for b in data[60:120]) + data[120:],
     "empty": lambda data: b"",

@@ -108,7 +108,7 @@ class Actor:
         """Points of a frame in the capture's world."""
         x, y, yaw = self.place
         walked = points + np.array([*np.multiply(self.walk, frame), 0.0])
-        return turned(walked, yaw) + np.array([x, y, 0.0])
+        return np.asarray(turned(walked, yaw) + np.array([x, y, 0.0]))
 
     def track(self) -> str:
         """The CSV of hand, eye, target and facing."""
