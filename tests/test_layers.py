@@ -58,3 +58,16 @@ def _imports(path: Path) -> set[str]:
         elif isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
     return {name.split(".")[1] for name in names if name.startswith("mhvedit.")}
+
+
+def test_no_compiled_function_calls_itself() -> None:
+    """Compiled recursion crashes the process once it comes from numba's cache."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list):
+                called = {
+                    call.func.id
+                    for call in ast.walk(node)
+                    if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)
+                }
+                assert node.name not in called, f"{path.relative_to(PACKAGE)}: {node.name}"

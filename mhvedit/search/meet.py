@@ -36,69 +36,83 @@ def meets(
     out = np.zeros(asked.shape, np.bool_)
     if asked.any() and b.levels[TOP].any():
         need = np.zeros(a.levels[0].shape[3], np.uint64) if every is None else every
-        lists = tuple(np.empty((1 + int(level.any(-1).sum()), 3), np.int32) for level in b.levels)
+        buffers = tuple(np.empty((max(1, int(np.count_nonzero(level.any(-1)))), 3), np.int32) for level in b.levels)
         _search(
-            (a.levels, a.sure, a.starts),
-            (b.levels, b.starts, b.column_of, b.bits),
-            (base * stride, stride, asked, every is None, need),
-            (lists, np.zeros_like(need), np.zeros_like(need)),
-            out,
-        )
+            a.levels, a.sure, a.starts, b.levels, b.starts, b.column_of, b.bits, buffers,
+            base * stride, stride, asked, every is None, need, out,
+        )  # fmt: skip
     return out
 
 
-Resting = tuple[tuple[Words, ...], tuple[Words, ...], IntArray]  # levels, sure, starts
-Shifted = tuple[tuple[Words, ...], IntArray, Int32Array, Words]  # levels, starts, columns, bits
-Question = tuple[IntArray, int, BoolArray, bool, Words]  # base, stride, asked, whether any bit will do, bits needed
-Scratch = tuple[tuple[Int32Array, ...], Words, Words]  # what is left of B at each level, bits seen, bits sure
-
-
-@njit(cache=True, nogil=True)
-def _search(a: Resting, b: Shifted, question: Question, scratch: Scratch, out: BoolArray) -> None:
-    """Settle the coarsest blocks of shifts one by one."""
-    base, stride, asked = question[:3]
-    roots = _all_cells(b[0][TOP])
-    last_x = base[0] + (asked.shape[0] - 1) * stride
-    last_y = base[1] + (asked.shape[1] - 1) * stride
-    for x in range(base[0] >> TOP, (last_x >> TOP) + 1):
-        for y in range(base[1] >> TOP, (last_y >> TOP) + 1):
-            _descend(TOP, x, y, roots, roots.shape[0], 1, a, b, question, scratch, out)
-
-
-@njit(cache=True, nogil=True)
-def _descend(
-    level: int,
-    x: int,
-    y: int,
-    cells: Int32Array,
-    n_cells: int,
-    split: int,
-    a: Resting,
-    b: Shifted,
-    question: Question,
-    scratch: Scratch,
+@njit(cache=True, nogil=True)  # one loop with its own stack: compiled recursion does not survive the cache
+def _search(  # noqa: C901
+    a_levels: tuple[Words, ...],
+    a_sure: tuple[Words, ...],
+    a_starts: IntArray,
+    b_levels: tuple[Words, ...],
+    b_starts: IntArray,
+    column_of: Int32Array,
+    bits: Words,
+    lists: tuple[Int32Array, ...],
+    base: IntArray,
+    stride: int,
+    asked: BoolArray,
+    any_bit: bool,
+    need: Words,
     out: BoolArray,
 ) -> None:
-    """Settle a block of shifts, or its quarters; `cells` are what of B can still meet A, `split` times as coarse."""
-    base, stride, asked, any_bit, need = question
-    if not _any_asked(asked, base, stride, level, x, y):
-        return
-    lists, seen, sure = scratch
-    dx = b[1][level, 0] - a[2][level, 0] + x
-    dy = b[1][level, 1] - a[2][level, 1] + y
-    dz = b[1][level, 2] - a[2][level, 2]
-    if level == 0:
-        if _meet_at(a[0][0], b[2], b[3], cells, n_cells, dx, dy, dz, any_bit, need, seen):
-            _settle(asked, base, stride, 0, x, y, out)
-        return
-    kept = lists[level]
-    n = _sift(a[0][level], a[1][level], b[0][level], cells, n_cells, split, dx, dy, dz, kept, any_bit, need, seen, sure)
-    if n == SETTLED:
-        _settle(asked, base, stride, level, x, y, out)
-    elif n > 0:
-        for quarter in range(4):
-            child_x, child_y = 2 * x + (quarter & 1), 2 * y + (quarter >> 1)
-            _descend(level - 1, child_x, child_y, kept, n, 2, a, b, question, scratch, out)
+    """Descend through the blocks of shifts, depth first; `lists` holds what is left of B on the way down."""
+    counts = np.zeros(TOP + 2, np.int64)
+    child = np.zeros(TOP + 2, np.int64)
+    block = np.zeros((TOP + 2, 2), np.int64)
+    roots = _all_cells(b_levels[TOP])
+    seen, sure = np.zeros(need.shape[0], np.uint64), np.zeros(need.shape[0], np.uint64)
+    last_x = base[0] + (asked.shape[0] - 1) * stride
+    last_y = base[1] + (asked.shape[1] - 1) * stride
+    for top_x in range(base[0] >> TOP, (last_x >> TOP) + 1):
+        for top_y in range(base[1] >> TOP, (last_y >> TOP) + 1):
+            if not _any_asked(asked, base, stride, TOP, top_x, top_y):
+                continue
+            offset = b_starts[TOP] - a_starts[TOP]
+            counts[TOP] = _sift(
+                a_levels[TOP], a_sure[TOP], b_levels[TOP], roots, roots.shape[0], 1,
+                offset[0] + top_x, offset[1] + top_y, offset[2], lists[TOP], any_bit, need, seen, sure,
+            )  # fmt: skip
+            if counts[TOP] == SETTLED:
+                _settle(asked, base, stride, TOP, top_x, top_y, out)
+            if counts[TOP] <= 0:
+                continue
+            level = TOP
+            child[TOP] = 0
+            block[TOP, 0], block[TOP, 1] = top_x, top_y
+            while level <= TOP:
+                if child[level] == 4:
+                    level += 1
+                    continue
+                x = 2 * block[level, 0] + (child[level] & 1)
+                y = 2 * block[level, 1] + (child[level] >> 1)
+                child[level] += 1
+                finer = level - 1
+                offset = b_starts[finer] - a_starts[finer]
+                if not _any_asked(asked, base, stride, finer, x, y):
+                    continue
+                if finer == 0:
+                    if _meet_at(
+                        a_levels[0], column_of, bits, lists[1], counts[1],
+                        offset[0] + x, offset[1] + y, offset[2], any_bit, need, seen,
+                    ):  # fmt: skip
+                        _settle(asked, base, stride, 0, x, y, out)
+                    continue
+                counts[finer] = _sift(
+                    a_levels[finer], a_sure[finer], b_levels[finer], lists[level], counts[level], 2,
+                    offset[0] + x, offset[1] + y, offset[2], lists[finer], any_bit, need, seen, sure,
+                )  # fmt: skip
+                if counts[finer] == SETTLED:
+                    _settle(asked, base, stride, finer, x, y, out)
+                elif counts[finer] > 0:
+                    block[finer, 0], block[finer, 1] = x, y
+                    child[finer] = 0
+                    level = finer
 
 
 @njit(cache=True, nogil=True)

@@ -78,7 +78,7 @@ def _in_sight(
     solid = (cells, np.ascontiguousarray(middles), volume.starts[0], volume.column_of, volume.bits)
     for i in range(0, asked.shape[0], TOP_BLOCK):
         for j in range(0, asked.shape[1], TOP_BLOCK):
-            _block(i, j, TOP_BLOCK, 0, len(cells), open_cells, view, solid, asked, out)
+            _settle_block(i, j, open_cells, view, solid, asked, out)
     return out
 
 
@@ -86,35 +86,35 @@ View = tuple[FloatArray, FloatArray, float, float, float]
 Solid = tuple[Int32Array, FloatArray, IntArray, Int32Array, Words]
 
 
-@njit(cache=True, nogil=True)
-def _block(
-    i: int,
-    j: int,
-    size: int,
-    depth: int,
-    n_open: int,
-    open_cells: Int32Array,
-    view: View,
-    solid: Solid,
-    asked: BoolArray,
-    out: BoolArray,
+@njit(cache=True, nogil=True)  # with a stack of its own: compiled recursion does not survive the cache
+def _settle_block(
+    i: int, j: int, open_cells: Int32Array, view: View, solid: Solid, asked: BoolArray, out: BoolArray
 ) -> None:
-    """Settle a block of shifts, or its quarters."""
-    i_stop, j_stop = min(asked.shape[0], i + size), min(asked.shape[1], j + size)
-    if i >= i_stop or j >= j_stop or not asked[i:i_stop, j:j_stop].any():
-        return
+    """Settle one of the coarsest blocks of shifts, depth first; row d of `open_cells` is what is open at depth d."""
     eye, step = view[0], view[3]
-    at_x, at_y = eye[0] + (i + 0.5 * (size - 1)) * step, eye[1] + (j + 0.5 * (size - 1)) * step
-    kept = _sift(size, n_open, open_cells[depth], open_cells[depth + 1], at_x, at_y, view, solid)
-    if kept < 0 or (size == 1 and _any_in_sight(open_cells[depth + 1, :kept], at_x, at_y, view, solid)):
-        for u in range(i, i_stop):
-            for v in range(j, j_stop):
-                out[u, v] = asked[u, v]
-    elif size > 1 and kept > 0:
-        half = size // 2
-        for u in (i, i + half):
-            for v in (j, j + half):
-                _block(u, v, half, depth + 1, kept, open_cells, view, solid, asked, out)
+    counts = np.zeros(open_cells.shape[0], np.int64)
+    counts[0] = open_cells.shape[1]
+    stack = np.zeros((4 * open_cells.shape[0], 3), np.int64)  # first shift of a block, and its depth
+    stack[0, 0], stack[0, 1] = i, j
+    height = 1
+    while height > 0:
+        height -= 1
+        u, v, depth = stack[height]
+        size = TOP_BLOCK >> depth
+        here = asked[u : u + size, v : v + size]
+        if not here.any():
+            continue
+        at_x, at_y = eye[0] + (u + 0.5 * (size - 1)) * step, eye[1] + (v + 0.5 * (size - 1)) * step
+        kept = _sift(size, counts[depth], open_cells[depth], open_cells[depth + 1], at_x, at_y, view, solid)
+        if kept < 0 or (size == 1 and _any_in_sight(open_cells[depth + 1, :kept], at_x, at_y, view, solid)):
+            out[u : u + size, v : v + size] = here
+        elif size > 1 and kept > 0:
+            counts[depth + 1] = kept
+            for quarter in range(4):
+                stack[height, 0] = u + (quarter & 1) * (size // 2)
+                stack[height, 1] = v + (quarter >> 1) * (size // 2)
+                stack[height, 2] = depth + 1
+                height += 1
 
 
 @njit(cache=True, nogil=True)

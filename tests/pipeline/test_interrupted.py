@@ -75,9 +75,8 @@ def test_ctrl_c_over_an_earlier_answer(solve: Callable[[], Ran], folder: Path, m
 
 def test_a_real_signal(captures: Path, tmp_path: Path) -> None:
     """SIGINT to the process itself, in the middle of a fine search."""
-    scene = write_scene(
-        tmp_path, ("voxel = 0.04\nstep = 0.04\nyaw_step = 15", "voxel = 0.01\nstep = 0.01\nyaw_step = 1")
-    )
+    fine = "voxel = 0.01\nstep = 0.01\nyaw_step = 1"
+    scene = write_scene(tmp_path, ("voxel = 0.04\nstep = 0.04\nyaw_step = 15", fine))
     for name in ("anna", "ben"):
         (tmp_path / name).symlink_to(captures / name)
         (tmp_path / f"{name}.csv").symlink_to(captures / f"{name}.csv")
