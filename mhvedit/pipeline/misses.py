@@ -82,7 +82,7 @@ def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Pe
         found = search_poses(segment.found.grid, clauses, sight=sight, among=among, workers=workers)
         passing = int(found.accepted.sum())
         if passing:
-            return Miss(killed_by, count, f"with {words} {passing:,} poses would pass", words)
+            return Miss(killed_by, count, f"with {words} there would be {passing:,} solutions", words)
     return Miss(killed_by, count, "no pose passes even with a much larger tolerance of that constraint alone", "")
 
 

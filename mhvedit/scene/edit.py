@@ -101,14 +101,14 @@ def edit_as_dict(scene: EditedScene) -> dict[str, Any]:
     }
 
 
-def read_edit(path: Path) -> EditedScene:
+def read_edit(path: Path | str) -> EditedScene:
     """Read `edit.json`.
 
     Raises:
         CaptureError: the file is missing or is not an edit.
     """
     try:
-        data = json.loads(path.read_text())
+        data = json.loads(Path(path).read_text())
         if data["version"] != FORMAT:
             raise CaptureError(path, f"version {FORMAT}", f"version {data['version']}")
         return _edit_from(data)
