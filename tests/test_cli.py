@@ -161,7 +161,9 @@ def test_inspect(mhvedit: Command, captures: Path) -> None:
     ("words", "said"),
     [
         (("inspect", "nowhere"), "nowhere: expected a folder of numbered meshes, a .npz or a USD file, found nothing"),
-        (("inspect", "data/duel/anna", "--units", "km"), "units"),
+        (("inspect", ".", "--units", "km"), "units: expected one of m, cm, mm, found 'km'"),
+        (("inspect", ".", "--up", "w"), "up: expected one of x, y, z, found 'w'"),
+        (("inspect", ".", "--fps", "0"), "Invalid value for '--fps'"),
         (("solve",), "Missing argument 'scene'."),
         (("solve", "scene.toml"), "Missing option '-o' / '--out'."),
         (("solve", "scene.toml", "-o", "out", "--workers", "0"), "Invalid value for '--workers'"),
