@@ -184,18 +184,18 @@ def _vote(starts: IntArray, heights: FloatArray, signs: IntArray, votes: ByteArr
         a, b = starts[column], starts[column + 1]
         if a == b:
             continue
-        order = a + np.argsort(heights[a:b], kind="mergesort")
-        balanced = _balances(signs, order)
+        _sort_crossings(heights[a:b], signs[a:b])
+        balanced = _balances(signs[a:b])
         out = votes[column // n_v, column % n_v]
         winding, crossed = 0, 0
         w = 0
         for c in range(b - a):
-            stop = min(n_w, max(0, int(np.ceil(heights[order[c]]))))
+            stop = min(n_w, max(0, int(np.ceil(heights[a + c]))))
             vote = _ray_pair_vote(balanced, winding, crossed, b - a)
             while w < stop:
                 out[w] = vote
                 w += 1
-            winding += signs[order[c]]
+            winding += signs[a + c]
             crossed += 1
         vote = _ray_pair_vote(balanced, winding, crossed, b - a)
         while w < n_w:
@@ -204,11 +204,22 @@ def _vote(starts: IntArray, heights: FloatArray, signs: IntArray, votes: ByteArr
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _balances(signs: IntArray, order: IntArray) -> bool:
+def _sort_crossings(heights: FloatArray, signs: IntArray) -> None:
+    """Sort the few crossings of one column by height, in place; equals keep their order."""
+    for c in range(1, heights.shape[0]):
+        height, sign, at = heights[c], signs[c], c
+        while at > 0 and heights[at - 1] > height:
+            heights[at], signs[at] = heights[at - 1], signs[at - 1]
+            at -= 1
+        heights[at], signs[at] = height, sign
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _balances(signs: IntArray) -> bool:
     """Whether the crossings add up to nothing and the winding number never changes its sign on the way."""
     winding, least, most = 0, 0, 0
-    for c in order:
-        winding += signs[c]
+    for sign in signs:
+        winding += sign
         least, most = min(least, winding), max(most, winding)
     return winding == 0 and (least == 0 or most == 0)
 
