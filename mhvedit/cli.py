@@ -70,7 +70,7 @@ def demo(out: Out = Path("out/demo"), workers: Workers = 2, json_: Json = False)
     """Solve a cut of the bundled sword fight and say where to look."""
     from mhvedit.pipeline.bundled import bundled_scene
 
-    _finish(_run(bundled_scene("short"), out, workers, quiet=json_), out, json_)
+    _finish(_run(bundled_scene("demo"), out, workers, quiet=json_), out, json_)
 
 
 @app.command()

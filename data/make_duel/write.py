@@ -14,8 +14,8 @@ from .vectors import Floats, Ints
 
 BITS = 12
 BODY_STEP, SWORD_STEP = 0.0005, 0.00025  # m
-SHORT = (1, 2, 3)  # the segments of the short scene
-COARSE = "[search]\nstep = 0.02\nyaw_step = 4\n"  # its search, for a demo in less than a minute
+CUTS = {"short": (1, 2, 3), "demo": (1, 2)}  # the segments of the smaller scenes
+COARSE = "[search]\nstep = 0.02\nyaw_step = 4\n"  # their search: the demo is to take less than a minute
 LEAD = 4  # frames before the first and after the last of them
 
 
@@ -59,11 +59,12 @@ def write_truth(path: Path, clocks: dict[str, Clock]) -> None:
 
 
 def write_scenes(folder: Path, clocks: dict[str, Clock], made: int) -> None:
-    """The whole scene, and a short one over the same captures; `made` frames of each are there."""
+    """The whole scene, and smaller ones over the same captures; `made` frames of each are there."""
     there = [i for i in range(len(SEGMENTS)) if all(clocks[who].segments[i][1] < made for who in clocks)]
     (folder / "scene.toml").write_text(_scene("duel", clocks, there, short=False))
-    if set(SHORT) <= set(there):
-        (folder / "short.toml").write_text(_scene("duel-short", clocks, list(SHORT), short=True))
+    for name, chosen in CUTS.items():
+        if set(chosen) <= set(there):
+            (folder / f"{name}.toml").write_text(_scene(f"duel-{name}", clocks, list(chosen), short=True))
 
 
 def _scene(name: str, clocks: dict[str, Clock], chosen: list[int], *, short: bool) -> str:

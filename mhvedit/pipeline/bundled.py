@@ -12,7 +12,7 @@ def bundled_scene(name: str) -> Path:
     """The scene file of the bundled captures.
 
     Args:
-        name: `scene` for the whole fight, `short` for the cut that the demo solves.
+        name: `scene` for the whole fight, `short` for three segments of it, `demo` for two.
 
     Raises:
         CaptureError: the captures were not installed.
