@@ -172,4 +172,4 @@ def _shadows(middle: FloatArray, bodies: list[FloatArray]) -> NDArray[np.float32
         near = np.exp(-np.maximum(points[:, 2], 0.0) / SHADOW_HEIGHT).astype(np.float32)
         np.maximum.at(cover, (cells[inside, 1], cells[inside, 0]), near[inside])
     blurred = gaussian_filter(cover, SHADOW_BLURS[0]) + gaussian_filter(cover, SHADOW_BLURS[1])
-    return np.minimum(blurred, np.float32(1.0))
+    return np.asarray(np.minimum(blurred, np.float32(1.0)), np.float32)
