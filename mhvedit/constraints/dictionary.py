@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numba import njit
 
 from mhvedit.constraints.clauses import Clause, Meeting, Option
 from mhvedit.geometry.arrays import BoolArray, Int32Array, Words
@@ -27,8 +28,8 @@ from mhvedit.volumes.history import (
 )
 
 NO_CONTACT = "no contact"
-WRONG_MOMENT = "no contact at the right moment"
-TOUCHES_OTHERWISE = "contact at a wrong moment"
+MISSES_ITS_MOMENT = "no contact at the right moment"
+TOUCHES_AT_A_WRONG_MOMENT = "contact at a wrong moment"
 
 
 class InteractionType(StrEnum):
@@ -128,8 +129,8 @@ def _at_moments(
     shared = tuple(m for m in (Meeting(wrong_a, ever_b), Meeting(ever_a, wrong_b)) if _possible(m))
     return (
         _touching(a, b, slack),
-        Clause(WRONG_MOMENT, (Option(must=(near,)),)),
-        Clause(TOUCHES_OTHERWISE, (Option(never=shared),)),
+        Clause(MISSES_ITS_MOMENT, (Option(must=(near,)),)),
+        Clause(TOUCHES_AT_A_WRONG_MOMENT, (Option(never=shared),)),
     )
 
 
@@ -172,23 +173,29 @@ def _one_after_other(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slac
 
 def _one_hot(times: Int32Array, n_frames: int) -> Words:
     """(X, Y, Z, W) the bit of each voxel's time; none where it is NEVER."""
-    return _moments(times, n_frames, lambda t, i: t == i)
+    return np.asarray(_bits_between(times, times + 1, word_count(n_frames)))
 
 
 def _below(times: Int32Array, n_frames: int) -> Words:
     """(X, Y, Z, W) all bits before each voxel's time."""
-    return _moments(times, n_frames, lambda t, i: (t != NEVER) & (i < t))
+    return np.asarray(_bits_between(np.zeros_like(times), np.minimum(times, n_frames), word_count(n_frames)))
 
 
 def _from(times: Int32Array, n_frames: int) -> Words:
     """(X, Y, Z, W) all bits from each voxel's time on."""
-    return _moments(times, n_frames, lambda t, i: (t != NEVER) & (i >= t))
+    first = np.where(times == NEVER, n_frames, times)
+    return np.asarray(_bits_between(first, np.full_like(first, n_frames), word_count(n_frames)))
 
 
-def _moments(times: Int32Array, n_frames: int, holds: Callable[[Int32Array, int], BoolArray]) -> Words:
-    words = np.zeros((*times.shape, word_count(n_frames)), np.uint64)
-    for i in range(n_frames):
-        words[..., i // 64] |= holds(times, i).astype(np.uint64) << np.uint64(i % 64)
+@njit(cache=True, nogil=True)
+def _bits_between(first: Int32Array, past: Int32Array, n_words: int) -> Words:
+    """(X, Y, Z, W) for each voxel the bits from the first up to the one past the last, if there are any."""
+    words = np.zeros((*first.shape, n_words), np.uint64)
+    for x, y, z in np.ndindex(first.shape):
+        for w in range(n_words):
+            low, high = max(int(first[x, y, z]) - 64 * w, 0), min(int(past[x, y, z]) - 64 * w, 64)
+            if low < high:
+                words[x, y, z, w] = (~np.uint64(0) >> np.uint64(64 - (high - low))) << np.uint64(low)
     return words
 
 

@@ -1,14 +1,18 @@
 """Solution groups: every accepted pose of a segment, as the paper names it and as a transform, with its region."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.distance import distance_to_outside
-from mhvedit.geometry.planar import rotation, wrap_angle
+from mhvedit.geometry.planar import rotation
 from mhvedit.search.solve import ReasonMap
+
+THREADS = 2
+PORTIONS = 16  # in which a map is handed to the threads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,23 +40,22 @@ def solution_group(found: ReasonMap, *, facing_a: float, facing_b: float, lever:
         facing_b: B's.
         lever: what a turn of one radian counts for in `clearance`, m.
     """
-    grid = found.grid
-    cells = np.argwhere(found.accepted)
-    poses = grid.poses(cells)
-    root_b = (rotation(poses[:, 2]) @ grid.root_b) + poses[:, :2]
-    towards_b = root_b - grid.root_a
-    bearing = np.arctan2(towards_b[:, 1], towards_b[:, 0])
-    regions = connected_regions(found.accepted)
-    clear = clearances(found.accepted, step=grid.step, yaw_step=2 * np.pi / grid.n_yaw * lever)
-    at = tuple(cells.T)
+    grid, accepted = found.grid, found.accepted
+    runs, starts = _runs(accepted)
+    cells = _cells_of_runs(runs, starts, accepted.shape[1])
+    yaws = grid.yaws
+    turned_b = rotation(yaws) @ grid.root_b
+    keys, poses, distance, theta_a, theta_b = _described(
+        cells, grid.base, grid.step, yaws, turned_b - grid.root_a, np.array([facing_a, facing_b])
+    )
     return SolutionGroup(
-        keys=np.concatenate([grid.base[cells[:, 2]] + cells[:, :2], cells[:, 2:]], 1),
+        keys=keys,
         poses=poses,
-        distance=np.linalg.norm(towards_b, axis=1),
-        theta_a=wrap_angle(bearing - facing_a),
-        theta_b=wrap_angle(bearing + np.pi - facing_b - poses[:, 2]),
-        region=regions[at],
-        clearance=clear[at],
+        distance=distance,
+        theta_a=theta_a,
+        theta_b=theta_b,
+        region=_numbered(runs, _joined(runs, starts, accepted.shape)),
+        clearance=clearances(accepted, step=grid.step, yaw_step=2 * np.pi / grid.n_yaw * lever),
     )
 
 
@@ -81,24 +84,10 @@ def connected_regions(accepted: BoolArray) -> Int32Array:
         accepted: (X, Y, Yaw).
 
     Returns:
-        (X, Y, Yaw) region, -1 elsewhere.
+        (S,) region of each accepted cell, in the order of `np.argwhere`.
     """
-    out = np.full(accepted.shape, -1, np.int32)
-    if not accepted.any():
-        return out
-    box = _box(accepted)
-    inside = accepted[box]
-    labels, count = ndimage.label(inside, np.ones((3, 3, 3)))
-    parent = np.arange(count + 1)
-    for here, there in _seam_pairs(np.asarray(labels, np.int32)):
-        a, b = _root(parent, here), _root(parent, there)
-        parent[max(a, b)] = min(a, b)
-    merged = np.array([_root(parent, label) for label in range(count + 1)])
-    names, first, sizes = np.unique(merged[labels[inside]], return_index=True, return_counts=True)
-    rank = np.full(count + 1, -1, np.int32)
-    rank[names[np.lexsort((first, -sizes))]] = np.arange(len(names))
-    out[box] = rank[merged][labels]
-    return out
+    runs, starts = _runs(accepted)
+    return _numbered(runs, _joined(runs, starts, accepted.shape))
 
 
 def clearances(accepted: BoolArray, *, step: float, yaw_step: float) -> FloatArray:
@@ -107,37 +96,139 @@ def clearances(accepted: BoolArray, *, step: float, yaw_step: float) -> FloatArr
     Args:
         accepted: (X, Y, Yaw).
         step: m a cell of x and y.
-        yaw_step: m a cell of yaw.
+        yaw_step: m a cell of yaw; 0 where a turn counts for nothing.
 
     Returns:
-        (X, Y, Yaw) m.
+        (S,) m, in the order of `np.argwhere`.
     """
-    out = np.zeros(accepted.shape)
-    if accepted.any():
-        box = _box(accepted)
-        out[box] = distance_to_outside(accepted[box], spacing=(step, step, yaw_step))
-    return out
+    return distance_to_outside(accepted, spacing=(step, step, yaw_step))
 
 
-def _box(accepted: BoolArray) -> tuple[slice, slice]:
-    """The smallest rectangle of x and y around the accepted cells."""
-    xs, ys = np.flatnonzero(accepted.any((1, 2))), np.flatnonzero(accepted.any((0, 2)))
-    return slice(int(xs[0]), int(xs[-1]) + 1), slice(int(ys[0]), int(ys[-1]) + 1)
+def _runs(accepted: BoolArray) -> tuple[IntArray, IntArray]:
+    """Runs of accepted cells along yaw: (R, 2) start and stop, and (X * Y + 1,) where those of each row start."""
+    with ThreadPoolExecutor(THREADS) as pool:
+        parts = list(pool.map(_runs_of_planes, np.array_split(accepted, min(len(accepted), PORTIONS))))
+    starts = np.concatenate([[0], np.cumsum(np.concatenate([count for _, count in parts]))])
+    return np.concatenate([run for run, _ in parts]), starts
 
 
-def _seam_pairs(labels: Int32Array) -> IntArray:
-    """(N, 2) labels that touch across the seam of yaw."""
-    first, last = np.pad(labels[:, :, 0], 1), labels[:, :, -1]
-    pairs = []
-    for dx in range(3):
-        for dy in range(3):
-            moved = first[dx : dx + last.shape[0], dy : dy + last.shape[1]]
-            both = (moved > 0) & (last > 0)
-            pairs.append(np.stack([moved[both], last[both]], 1))
-    return np.unique(np.concatenate(pairs), axis=0)
+@njit(cache=True, nogil=True)
+def _runs_of_planes(accepted: BoolArray) -> tuple[IntArray, IntArray]:
+    """Runs of some planes, and how many each row has."""
+    n_x, n_y, n_z = accepted.shape
+    count = np.zeros(n_x * n_y, np.int64)
+    for x in range(n_x):
+        for y in range(n_y):
+            before, total = False, 0
+            for z in range(n_z):
+                total += accepted[x, y, z] and not before
+                before = accepted[x, y, z]
+            count[x * n_y + y] = total
+    runs = np.empty((count.sum(), 2), np.int64)
+    at = 0
+    for x in range(n_x):
+        for y in range(n_y):
+            if count[x * n_y + y] == 0:
+                continue
+            for z in range(n_z):
+                if accepted[x, y, z]:
+                    if z == 0 or not accepted[x, y, z - 1]:
+                        runs[at, 0] = z
+                        at += 1
+                    runs[at - 1, 1] = z + 1
+    return runs, count
 
 
-def _root(parent: IntArray, label: int) -> int:
-    while parent[label] != label:
-        label = int(parent[label])
-    return label
+@njit(cache=True, nogil=True)
+def _cells_of_runs(runs: IntArray, starts: IntArray, n_y: int) -> IntArray:
+    """All cells of all runs, in order."""
+    cells = np.empty(((runs[:, 1] - runs[:, 0]).sum(), 3), np.int64)
+    at = 0
+    for row in range(starts.shape[0] - 1):
+        for run in range(starts[row], starts[row + 1]):
+            for z in range(runs[run, 0], runs[run, 1]):
+                cells[at, 0], cells[at, 1], cells[at, 2] = row // n_y, row % n_y, z
+                at += 1
+    return cells
+
+
+@njit(cache=True, nogil=True)
+def _joined(runs: IntArray, starts: IntArray, shape: tuple[int, int, int]) -> IntArray:
+    """(R,) the first run of the region that each run is in."""
+    n_x, n_y, n_z = shape
+    parent = np.arange(runs.shape[0])
+    for x in range(n_x):
+        for y in range(n_y):
+            here = x * n_y + y
+            if starts[here] == starts[here + 1]:
+                continue
+            _join_rows(runs, starts, here, here, n_z, parent)
+            for d_x, d_y in ((-1, -1), (-1, 0), (-1, 1), (0, -1)):
+                if x + d_x >= 0 and 0 <= y + d_y < n_y:
+                    _join_rows(runs, starts, here, here + d_x * n_y + d_y, n_z, parent)
+    for run in range(runs.shape[0]):
+        parent[run] = parent[parent[run]]
+    return parent
+
+
+def _numbered(runs: IntArray, roots: IntArray) -> Int32Array:
+    """(S,) the rank of the region of each cell, from the first run of each run's region."""
+    lengths = runs[:, 1] - runs[:, 0]
+    names, inverse = np.unique(roots, return_inverse=True)
+    sizes = np.bincount(inverse, weights=lengths, minlength=len(names))
+    rank = np.empty(len(names), np.int32)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(names))
+    return np.repeat(rank[inverse], lengths)
+
+
+@njit(cache=True, nogil=True)
+def _join_rows(runs: IntArray, starts: IntArray, here: int, there: int, n_z: int, parent: IntArray) -> None:
+    """Join the runs of two rows that touch, across the seam of yaw too."""
+    a, b = starts[here], starts[there]
+    while a < starts[here + 1] and b < starts[there + 1]:
+        if runs[a, 0] <= runs[b, 1] and runs[b, 0] <= runs[a, 1]:
+            _join(parent, a, b)
+        if runs[a, 1] < runs[b, 1]:
+            a += 1
+        else:
+            b += 1
+    if starts[here] < starts[here + 1] and starts[there] < starts[there + 1]:
+        for low, high in ((here, there), (there, here)):
+            first, last = starts[low], starts[high + 1] - 1
+            if runs[first, 0] == 0 and runs[last, 1] == n_z:
+                _join(parent, first, last)
+
+
+@njit(cache=True, nogil=True)
+def _join(parent: IntArray, a: int, b: int) -> None:
+    """Make the smaller root that of both."""
+    while parent[a] != a:
+        parent[a] = parent[parent[a]]
+        a = parent[a]
+    while parent[b] != b:
+        parent[b] = parent[parent[b]]
+        b = parent[b]
+    if a < b:
+        parent[b] = a
+    else:
+        parent[a] = b
+
+
+@njit(cache=True, nogil=True)
+def _described(
+    cells: IntArray, base: IntArray, step: float, yaws: FloatArray, turned: FloatArray, facing: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Keys, poses, distance and both angles of cells; `turned` is B's turned root less A's root, for each yaw."""
+    count = cells.shape[0]
+    keys, poses = np.empty((count, 3), np.int64), np.empty((count, 3))
+    distance, theta_a, theta_b = np.empty(count), np.empty(count), np.empty(count)
+    for s in range(count):
+        k = cells[s, 2]
+        keys[s, 0], keys[s, 1], keys[s, 2] = base[k, 0] + cells[s, 0], base[k, 1] + cells[s, 1], k
+        poses[s, 0], poses[s, 1], poses[s, 2] = keys[s, 0] * step, keys[s, 1] * step, yaws[k]
+        x, y = poses[s, 0] + turned[k, 0], poses[s, 1] + turned[k, 1]
+        bearing = np.arctan2(y, x)
+        distance[s] = np.sqrt(x * x + y * y)
+        theta_a[s] = (bearing - facing[0] + np.pi) % (2 * np.pi) - np.pi
+        theta_b[s] = (bearing - facing[1] - yaws[k]) % (2 * np.pi) - np.pi
+    return keys, poses, distance, theta_a, theta_b

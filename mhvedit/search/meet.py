@@ -3,18 +3,25 @@ answer.
 
 Two volumes meet at a shift if some voxel of A and some voxel of shifted B coincide and have a bit in common (or, where
 bits are asked for by name, if all of these occur somewhere). The window is halved again and again into square blocks
-of shifts; for a block only those cells of B are looked at again, finer, whose pooled bits can still meet A's pooled
-bits for some shift of the block. A block is settled as a whole if nothing is left that can meet, or if something meets
-whatever the shift; single shifts are decided voxel by voxel.
+of shifts; for a block only those cells of B are looked at again, finer and over a shorter range of slabs, whose pooled
+columns can still meet A's pooled columns for some shift of the block. A block is settled as a whole if nothing is left
+that can meet, or if something meets whatever the shift; single shifts are decided column by column. Neighbours are
+most often settled by the same cell: a cell that has settled a block moves to the front of its list, and the column
+that settled the last shift is tried first on whole blocks of others.
+
+The kernels take flat, uncounted arrays and are compiled into one: neighbouring looks share so little work that calls
+and counts of references would cost more than the looks.
 """
 
 import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, Int32Array, IntArray, Words
-from mhvedit.search.pyramid import TOP, Pyramid, TurnedColumns
+from mhvedit.geometry.uncounted import uncounted
+from mhvedit.search.pyramid import MOMENT_SLAB, TOP, Columns, Pyramid, TurnedColumns, level_of
 
 SETTLED = -1  # a block that meets whatever the shift
+WITNESSED = 3  # the coarsest level at which the last witness is tried on all shifts of a block
 
 
 def meets(
@@ -24,108 +31,197 @@ def meets(
 
     Args:
         a: the volume at rest.
-        b: the volume that is shifted, already turned.
+        b: the volume that is shifted, already turned; of as many moments as A.
         base: (2,) shift of cell (0, 0), in strides.
         stride: voxels between shifts.
         asked: (X, Y) which shifts to decide; the others come back False.
-        every: (W,) bits that must all occur in common; None: any bit.
+        every: (W,) bits that must all occur in common, at least one; None: any bit.
 
     Returns:
         (X, Y).
     """
     out = np.zeros(asked.shape, np.bool_)
-    if asked.any() and b.levels[TOP].any():
-        need = np.zeros(a.levels[0].shape[3], np.uint64) if every is None else every
-        buffers = tuple(np.empty((max(1, int(np.count_nonzero(level.any(-1)))), 3), np.int32) for level in b.levels)
+    roots = _roots(level_of(b.some, TOP), *_facing_words(a.columns, b.columns))
+    if len(roots) and a.columns.words.size:
+        any_bit = every is None or a.columns.slab == MOMENT_SLAB
+        need = np.zeros(a.columns.n_words, np.uint64) if every is None else every
+        sizes = b.some.shape[:, 0] * b.some.shape[:, 1]
+        most = max(2, min(len(roots) << 2 * (TOP - 1), int(sizes[1])))
+        lists = np.empty((TOP + 1, most, 4), np.int32)
         _search(
-            a.levels, a.sure, a.starts, b.levels, b.starts, b.column_of, b.bits, buffers,
-            base * stride, stride, asked, every is None, need, out,
+            a.own.words, a.some.words, a.sure.words, a.some.first, a.some.shape,
+            b.some.words, b.sure.words, b.some.first, b.some.shape,
+            b.starts - a.starts, b.starts[0] - a.columns.start,
+            a.columns.column_of, a.columns.words, a.columns.voxels, b.column_of, b.columns.words, b.columns.voxels,
+            _words_down(a.columns, b.columns), roots, lists, base * stride, stride,
+            asked, *_asked_blocks(asked, base * stride, stride), any_bit, need, np.empty_like([need, need]), out,
         )  # fmt: skip
     return out
 
 
+def _words_down(a: Columns, b: Columns) -> int:
+    """From the number of a word of B to that of the word of A at its height."""
+    return (b.first - a.first) * a.n_words
+
+
+def _facing_words(a: Columns, b: Columns) -> tuple[int, int]:
+    """First and past-the-last word of B that lies at the height of one of A's."""
+    down = _words_down(a, b)
+    return max(0, -down), min(b.words.shape[1], a.words.shape[1] - down)
+
+
+def _asked_blocks(asked: BoolArray, base: IntArray, stride: int) -> tuple[BoolArray, IntArray, IntArray]:
+    """Which blocks of shifts contain one that is asked for: all levels in a row, where each begins, and their sizes."""
+    last = base + (np.array(asked.shape) - 1) * stride
+    sizes = np.array([(last >> level) - (base >> level) + 1 if level else (0, 0) for level in range(TOP + 1)])
+    ends = np.cumsum(sizes.prod(1))
+    first = np.append(0, ends[:-1])
+    blocks = np.zeros(ends[-1], np.bool_)
+    _mark_blocks(asked, base, stride, blocks, first, sizes)
+    return blocks, first, sizes
+
+
+@njit(cache=True, nogil=True)
+def _mark_blocks(
+    asked: BoolArray, base: IntArray, stride: int, blocks: BoolArray, first: IntArray, sizes: IntArray
+) -> None:
+    for i in range(asked.shape[0]):
+        row = first[1] + (((base[0] + i * stride) >> 1) - (base[0] >> 1)) * sizes[1, 1] - (base[1] >> 1)
+        for j in range(asked.shape[1]):
+            if asked[i, j]:
+                blocks[row + ((base[1] + j * stride) >> 1)] = True
+    for level in range(2, TOP + 1):
+        low_x, low_y = base[0] >> level - 1, base[1] >> level - 1
+        for x in range(sizes[level - 1, 0]):
+            row = first[level] + (((low_x + x) >> 1) - (low_x >> 1)) * sizes[level, 1] - (low_y >> 1)
+            for y in range(sizes[level - 1, 1]):
+                if blocks[first[level - 1] + x * sizes[level - 1, 1] + y]:
+                    blocks[row + ((low_y + y) >> 1)] = True
+
+
+@njit(cache=True, nogil=True)
+def _roots(level: Words, low: int, high: int) -> Int32Array:
+    """Cells of a level that hold anything in a range of words: x, y and the range."""
+    cells = np.empty((level.shape[0] * level.shape[1], 4), np.int32)
+    n = 0
+    for x in range(level.shape[0]):
+        for y in range(level.shape[1]):
+            if level[x, y, low:high].any():
+                cells[n, 0], cells[n, 1], cells[n, 2], cells[n, 3] = x, y, low, high
+                n += 1
+    return cells[:n]
+
+
 @njit(cache=True, nogil=True)  # one loop with its own stack: compiled recursion does not survive the cache
 def _search(  # noqa: C901
-    a_levels: tuple[Words, ...],
-    a_sure: tuple[Words, ...],
-    a_starts: IntArray,
-    b_levels: tuple[Words, ...],
-    b_starts: IntArray,
-    column_of: Int32Array,
-    bits: Words,
-    lists: tuple[Int32Array, ...],
+    a_own: Words,
+    a_some: Words,
+    a_sure: Words,
+    a_first: IntArray,
+    a_shape: IntArray,
+    b_some: Words,
+    b_sure: Words,
+    b_first: IntArray,
+    b_shape: IntArray,
+    offsets: IntArray,
+    columns_off: IntArray,
+    at_a: Int32Array,
+    a_words: Words,
+    a_voxels: Words,
+    at_b: Int32Array,
+    b_words: Words,
+    b_voxels: Words,
+    down: int,
+    roots: Int32Array,
+    lists: Int32Array,
     base: IntArray,
     stride: int,
     asked: BoolArray,
+    blocks: BoolArray,
+    blocks_first: IntArray,
+    blocks_size: IntArray,
     any_bit: bool,
     need: Words,
+    scratch: Words,
     out: BoolArray,
 ) -> None:
     """Descend through the blocks of shifts, depth first; `lists` holds what is left of B on the way down."""
+    a_own, a_some, a_sure = uncounted(a_own), uncounted(a_some), uncounted(a_sure)
+    b_some, b_sure = uncounted(b_some), uncounted(b_sure)
+    at_a, a_words, a_voxels = uncounted(at_a), uncounted(a_words), uncounted(a_voxels)
+    at_b, b_words, b_voxels = uncounted(at_b), uncounted(b_words), uncounted(b_voxels)
+    roots, lists, asked, need, out = (
+        uncounted(roots),
+        uncounted(lists),
+        uncounted(asked),
+        uncounted(need),
+        uncounted(out),
+    )
+    seen, sure = uncounted(scratch[0]), uncounted(scratch[1])
     counts = np.zeros(TOP + 2, np.int64)
     child = np.zeros(TOP + 2, np.int64)
     block = np.zeros((TOP + 2, 2), np.int64)
-    roots = _all_cells(b_levels[TOP])
-    seen, sure = np.zeros(need.shape[0], np.uint64), np.zeros(need.shape[0], np.uint64)
-    last_x = base[0] + (asked.shape[0] - 1) * stride
-    last_y = base[1] + (asked.shape[1] - 1) * stride
-    for top_x in range(base[0] >> TOP, (last_x >> TOP) + 1):
-        for top_y in range(base[1] >> TOP, (last_y >> TOP) + 1):
-            if not _any_asked(asked, base, stride, TOP, top_x, top_y):
-                continue
-            offset = b_starts[TOP] - a_starts[TOP]
-            counts[TOP] = _sift(
-                a_levels[TOP], a_sure[TOP], b_levels[TOP], roots, roots.shape[0], 1,
-                offset[0] + top_x, offset[1] + top_y, offset[2], lists[TOP], any_bit, need, seen, sure,
-            )  # fmt: skip
-            if counts[TOP] == SETTLED:
-                _settle(asked, base, stride, TOP, top_x, top_y, out)
-            if counts[TOP] <= 0:
-                continue
-            level = TOP
-            child[TOP] = 0
-            block[TOP, 0], block[TOP, 1] = top_x, top_y
-            while level <= TOP:
+    witness, column = lists[0, 0], lists[0, 1]
+    witness[:] = 0
+    base_x, base_y = base
+    off_x, off_y = columns_off
+    first_x, first_y = base_x >> TOP, base_y >> TOP
+    for top_x in range(
+        max(first_x, -offsets[TOP, 0] - b_shape[TOP, 0]),
+        min(first_x + blocks_size[TOP, 0], a_shape[TOP, 0] - offsets[TOP, 0]),
+    ):
+        for top_y in range(
+            max(first_y, -offsets[TOP, 1] - b_shape[TOP, 1]),
+            min(first_y + blocks_size[TOP, 1], a_shape[TOP, 1] - offsets[TOP, 1]),
+        ):
+            level = TOP + 1
+            block[level, 0], block[level, 1] = top_x >> 1, top_y >> 1
+            child[level] = (top_x & 1) + 2 * (top_y & 1)
+            while level <= TOP + 1:
                 if child[level] == 4:
                     level += 1
                     continue
                 x = 2 * block[level, 0] + (child[level] & 1)
                 y = 2 * block[level, 1] + (child[level] >> 1)
-                child[level] += 1
+                child[level] = 4 if level == TOP + 1 else child[level] + 1
                 finer = level - 1
-                offset = b_starts[finer] - a_starts[finer]
-                if not _any_asked(asked, base, stride, finer, x, y):
-                    continue
                 if finer == 0:
-                    if _meet_at(
-                        a_levels[0], column_of, bits, lists[1], counts[1],
-                        offset[0] + x, offset[1] + y, offset[2], any_bit, need, seen,
-                    ):  # fmt: skip
-                        _settle(asked, base, stride, 0, x, y, out)
+                    _decide(
+                        x, y, lists[1], counts[1], off_x, off_y, at_a, a_words, a_voxels, at_b, b_words, b_voxels,
+                        down, base_x, base_y, stride, asked, any_bit, need, seen, witness, column, out,
+                    )  # fmt: skip
                     continue
-                counts[finer] = _sift(
-                    a_levels[finer], a_sure[finer], b_levels[finer], lists[level], counts[level], 2,
-                    offset[0] + x, offset[1] + y, offset[2], lists[finer], any_bit, need, seen, sure,
-                )  # fmt: skip
+                u, v = x - (base_x >> finer), y - (base_y >> finer)
+                if u < 0 or v < 0 or u >= blocks_size[finer, 0] or v >= blocks_size[finer, 1]:
+                    continue
+                if not blocks[blocks_first[finer] + u * blocks_size[finer, 1] + v]:
+                    continue
+                if finer <= WITNESSED and any_bit and _all_witnessed(
+                    x, y, finer, off_x, off_y, at_a, a_words, a_voxels, at_b, b_words, b_voxels,
+                    down, base_x, base_y, stride, asked, need, witness, out,
+                ):  # fmt: skip
+                    continue
+                at_top = finer == TOP
+                cells, n_cells = (roots, roots.shape[0]) if at_top else (lists[level], counts[level])
+                split, dx, dy = 1 if at_top else 2, offsets[finer, 0] + x, offsets[finer, 1] + y
+                if any_bit:
+                    counts[finer] = _sift(
+                        a_own, a_some, a_sure, a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_shape[finer, 2],
+                        b_some, b_sure, b_first[finer], b_shape[finer, 1], b_shape[finer, 2],
+                        cells, n_cells, split, dx, dy, down, lists[finer], need.shape[0],
+                    )  # fmt: skip
+                else:
+                    counts[finer] = _sift_every(
+                        a_own, a_some, a_sure, a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_shape[finer, 2],
+                        b_some, b_sure, b_first[finer], b_shape[finer, 1], b_shape[finer, 2],
+                        cells, n_cells, split, dx, dy, down, lists[finer], need, seen, sure,
+                    )  # fmt: skip
                 if counts[finer] == SETTLED:
-                    _settle(asked, base, stride, finer, x, y, out)
+                    _settle(asked, base_x, base_y, stride, finer, x, y, out)
                 elif counts[finer] > 0:
                     block[finer, 0], block[finer, 1] = x, y
                     child[finer] = 0
                     level = finer
-
-
-@njit(cache=True, nogil=True)
-def _all_cells(level: Words) -> Int32Array:
-    cells = np.empty((level.shape[0] * level.shape[1] * level.shape[2], 3), np.int32)
-    n = 0
-    for x, y, z in np.ndindex(level.shape[:3]):
-        for w in range(level.shape[3]):
-            if level[x, y, z, w] != 0:
-                cells[n, 0], cells[n, 1], cells[n, 2] = x, y, z
-                n += 1
-                break
-    return cells[:n]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -137,44 +233,39 @@ def _cells_of_block(n: int, base: int, stride: int, level: int, x: int) -> tuple
 
 
 @njit(cache=True, nogil=True)
-def _any_asked(asked: BoolArray, base: IntArray, stride: int, level: int, x: int, y: int) -> bool:
-    """Whether a block of shifts contains one that is asked for."""
-    i0, i1 = _cells_of_block(asked.shape[0], base[0], stride, level, x)
-    j0, j1 = _cells_of_block(asked.shape[1], base[1], stride, level, y)
-    for i in range(i0, i1):
-        for j in range(j0, j1):
-            if asked[i, j]:
-                return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _settle(asked: BoolArray, base: IntArray, stride: int, level: int, x: int, y: int, out: BoolArray) -> None:
+def _settle(
+    asked: BoolArray, base_x: int, base_y: int, stride: int, level: int, x: int, y: int, out: BoolArray
+) -> None:
     """All shifts of a block meet: say so of those that are asked for."""
-    i0, i1 = _cells_of_block(asked.shape[0], base[0], stride, level, x)
-    j0, j1 = _cells_of_block(asked.shape[1], base[1], stride, level, y)
+    i0, i1 = _cells_of_block(asked.shape[0], base_x, stride, level, x)
+    j0, j1 = _cells_of_block(asked.shape[1], base_y, stride, level, y)
     for i in range(i0, i1):
         for j in range(j0, j1):
-            if asked[i, j]:
-                out[i, j] = True
+            out[i, j] = asked[i, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _sift(
-    a: Words,
+    a_own: Words,
+    a_some: Words,
     a_sure: Words,
-    b: Words,
+    a_first: int,
+    a_x: int,
+    a_y: int,
+    a_n: int,
+    b_some: Words,
+    b_sure: Words,
+    b_first: int,
+    b_y: int,
+    b_n: int,
     cells: Int32Array,
     n_cells: int,
     split: int,
     dx: int,
     dy: int,
-    dz: int,
+    down: int,
     kept: Int32Array,
-    any_bit: bool,
-    need: Words,
-    seen: Words,
-    sure: Words,
+    n_words: int,
 ) -> int:
     """Keep the cells (split: 1) or the children of cells (split: 2) that can meet A.
 
@@ -182,33 +273,97 @@ def _sift(
         How many; 0 if the block cannot meet, SETTLED if it does whatever the shift.
     """
     n = 0
+    for c in range(n_cells):
+        low, high = np.uint64(cells[c, 2]), np.uint64(cells[c, 3])
+        for part in range(split * split):
+            x, y = split * cells[c, 0] + (part & 1), split * cells[c, 1] + (part >> 1)
+            i, j = x + dx, y + dy
+            if i < 0 or j < 0 or i >= a_x or j >= a_y:
+                continue
+            in_a = np.uint64(a_first + (i * a_y + j) * a_n + down)
+            in_b = np.uint64(b_first + (x * b_y + y) * b_n)
+            common, sure = np.uint64(0), np.uint64(0)
+            for w in range(low, high):
+                both = a_some[in_a + w] & b_some[in_b + w]
+                common |= both
+                sure |= (a_sure[in_a + w] & both) | (a_own[in_a + w] & b_sure[in_b + w])
+            if sure != 0:
+                _to_front(cells, c)
+                return SETTLED
+            if common != 0:
+                first, last = low, high - np.uint64(1)
+                while a_some[in_a + first] & b_some[in_b + first] == 0:
+                    first += np.uint64(1)
+                while a_some[in_a + last] & b_some[in_b + last] == 0:
+                    last -= np.uint64(1)
+                kept[n, 0], kept[n, 1] = x, y
+                kept[n, 2], kept[n, 3] = first, last + np.uint64(1)
+                if n_words > 1:
+                    kept[n, 2] -= kept[n, 2] % n_words
+                    kept[n, 3] += -kept[n, 3] % n_words
+                n += 1
+    return n
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _sift_every(
+    a_own: Words,
+    a_some: Words,
+    a_sure: Words,
+    a_first: int,
+    a_x: int,
+    a_y: int,
+    a_n: int,
+    b_some: Words,
+    b_sure: Words,
+    b_first: int,
+    b_y: int,
+    b_n: int,
+    cells: Int32Array,
+    n_cells: int,
+    split: int,
+    dx: int,
+    dy: int,
+    down: int,
+    kept: Int32Array,
+    need: Words,
+    seen: Words,
+    sure: Words,
+) -> int:
+    """`_sift` where all bits of `need` must occur."""
+    n_words = need.shape[0]
     seen[:] = 0
     sure[:] = 0
+    n = 0
     for c in range(n_cells):
-        for part in range(split * split * split):
-            x = split * cells[c, 0] + (part & 1)
-            y = split * cells[c, 1] + ((part >> 1) & 1)
-            z = split * cells[c, 2] + (part >> 2)
-            i, j, k = x + dx, y + dy, z + dz
-            if i < 0 or j < 0 or k < 0 or i >= a.shape[0] or j >= a.shape[1] or k >= a.shape[2]:
+        for part in range(split * split):
+            x, y = split * cells[c, 0] + (part & 1), split * cells[c, 1] + (part >> 1)
+            i, j = x + dx, y + dy
+            if i < 0 or j < 0 or i >= a_x or j >= a_y:
                 continue
-            found = False
-            for w in range(need.shape[0]):
-                common = a[i, j, k, w] & b[x, y, z, w]
-                if common != 0:
-                    found = True
-                    seen[w] |= common
-                    sure[w] |= a_sure[i, j, k, w] & b[x, y, z, w]
-                    if any_bit and sure[w] != 0:
-                        return SETTLED
-            if found:
-                kept[n, 0], kept[n, 1], kept[n, 2] = x, y, z
+            in_a = np.uint64(a_first + (i * a_y + j) * a_n + down)
+            in_b = np.uint64(b_first + (x * b_y + y) * b_n)
+            low, high = -1, -1
+            for slab in range(cells[c, 2], cells[c, 3], n_words):
+                for f in range(n_words):
+                    w = np.uint64(slab + f)
+                    common = a_some[in_a + w] & b_some[in_b + w] & need[f]
+                    if common != 0:
+                        seen[f] |= common
+                        sure[f] |= (a_sure[in_a + w] & common) | (a_own[in_a + w] & b_sure[in_b + w])
+                        low, high = slab if low < 0 else low, slab
+            if low >= 0:
+                kept[n, 0], kept[n, 1], kept[n, 2], kept[n, 3] = x, y, low, high + n_words
                 n += 1
-    if any_bit:
-        return n
     if _has_all(sure, need):
         return SETTLED
     return n if _has_all(seen, need) else 0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _to_front(cells: Int32Array, c: int) -> None:
+    for k in range(4):
+        cells[c, k], cells[0, k] = cells[0, k], cells[c, k]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -219,40 +374,124 @@ def _has_all(seen: Words, need: Words) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
-def _meet_at(
-    a: Words,
-    column_of: Int32Array,
-    bits: Words,
+@njit(cache=True, nogil=True, inline="always")
+def _all_witnessed(
+    x: int,
+    y: int,
+    level: int,
+    off_x: int,
+    off_y: int,
+    at_a: Int32Array,
+    a_words: Words,
+    a_voxels: Words,
+    at_b: Int32Array,
+    b_words: Words,
+    b_voxels: Words,
+    down: int,
+    base_x: int,
+    base_y: int,
+    stride: int,
+    asked: BoolArray,
+    need: Words,
+    witness: Int32Array,
+    out: BoolArray,
+) -> bool:
+    """Try the column that settled the last shift on those of a block, until it fails."""
+    i0, i1 = _cells_of_block(asked.shape[0], base_x, stride, level, x)
+    j0, j1 = _cells_of_block(asked.shape[1], base_y, stride, level, y)
+    for i in range(i0, i1):
+        for j in range(j0, j1):
+            if asked[i, j] and not out[i, j]:
+                dx, dy = off_x + base_x + i * stride, off_y + base_y + j * stride
+                if not _column_settles(
+                    witness, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, down, True, need, need
+                ):
+                    return False
+                out[i, j] = True
+    return True
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _decide(
+    x: int,
+    y: int,
     cells: Int32Array,
     n_cells: int,
+    off_x: int,
+    off_y: int,
+    at_a: Int32Array,
+    a_words: Words,
+    a_voxels: Words,
+    at_b: Int32Array,
+    b_words: Words,
+    b_voxels: Words,
+    down: int,
+    base_x: int,
+    base_y: int,
+    stride: int,
+    asked: BoolArray,
+    any_bit: bool,
+    need: Words,
+    seen: Words,
+    witness: Int32Array,
+    column: Int32Array,
+    out: BoolArray,
+) -> None:
+    """Decide a single shift, if it is asked for and still open, column by column."""
+    i, j = (x - base_x) // stride, (y - base_y) // stride
+    if i * stride != x - base_x or j * stride != y - base_y:
+        return
+    if i < 0 or j < 0 or i >= asked.shape[0] or j >= asked.shape[1] or not asked[i, j] or out[i, j]:
+        return
+    seen[:] = 0
+    for c in range(n_cells):
+        column[2], column[3] = cells[c, 2], cells[c, 3]
+        for part in range(4):
+            column[0], column[1] = 2 * cells[c, 0] + (part & 1), 2 * cells[c, 1] + (part >> 1)
+            if _column_settles(
+                column, off_x + x, off_y + y, at_a, a_words, a_voxels, at_b, b_words, b_voxels,
+                down, any_bit, need, seen,
+            ):  # fmt: skip
+                out[i, j] = True
+                witness[:] = column
+                _to_front(cells, c)
+                return
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _column_settles(
+    column: Int32Array,
     dx: int,
     dy: int,
-    dz: int,
+    at_a: Int32Array,
+    a_words: Words,
+    a_voxels: Words,
+    at_b: Int32Array,
+    b_words: Words,
+    b_voxels: Words,
+    down: int,
     any_bit: bool,
     need: Words,
     seen: Words,
 ) -> bool:
-    """Whether A and B meet at one shift, voxel by voxel."""
-    seen[:] = 0
-    for c in range(n_cells):
-        for part in range(4):
-            x = 2 * cells[c, 0] + (part & 1)
-            y = 2 * cells[c, 1] + (part >> 1)
-            column = column_of[x, y]
-            i, j = x + dx, y + dy
-            if column < 0 or i < 0 or j < 0 or i >= a.shape[0] or j >= a.shape[1]:
-                continue
-            for z in range(2 * cells[c, 2], 2 * cells[c, 2] + 2):
-                k = z + dz
-                if k < 0 or k >= a.shape[2]:
-                    continue
-                for w in range(need.shape[0]):
-                    common = a[i, j, k, w] & bits[column, z, w]
-                    if common != 0:
-                        if any_bit:
-                            return True
-                        seen[w] |= common
-        if not any_bit and _has_all(seen, need):
-            return True
-    return False
+    """Whether a column of B, over a range of its words, settles a shift: it meets A, in the last bit still needed."""
+    i, j = column[0] + dx, column[1] + dy
+    b = at_b[column[0], column[1]]
+    if b < 0 or i < 0 or j < 0 or i >= at_a.shape[0] or j >= at_a.shape[1] or at_a[i, j] < 0:
+        return False
+    a = at_a[i, j]
+    rise = a_voxels.shape[1] // a_words.shape[1]  # voxels' words to one word of a slab
+    n_words = need.shape[0]
+    for slab in range(column[2], column[3], n_words):
+        near = np.uint64(0)
+        for w in range(slab, slab + n_words):
+            near |= a_words[a, w + down] & b_words[b, w]
+        if near == 0:
+            continue
+        for at in range(slab * rise, (slab + n_words) * rise):
+            common = a_voxels[a, at + down * rise] & b_voxels[b, at]
+            if common != 0:
+                if any_bit:
+                    return True
+                seen[at % n_words] |= common
+    return not any_bit and _has_all(seen, need)

@@ -1,10 +1,15 @@
-"""Volumes arranged for the search: bits pooled over blocks of 2, 4, 8 and 16 voxels, at rest for A and turned for B.
+"""Volumes arranged for the search: columns of words, and their pools over square blocks.
 
-Level 0 are voxels; a cell of level L pools the bits of 2^L voxels along each axis, from lattice index zero. A's pools
-also take in the next cell along x, along y and along both, so that one look at a pool answers for a whole block of 2^L
-x 2^L shifts: pooled by OR they say where a bit may be met, pooled by AND where it is met whatever the shift. B is
-turned about z by looking up, for every voxel of the lattice, the voxel of the untouched volume that its centre falls
-into.
+Poses move and turn on the floor, so what lies over one voxel of the floor stays together: a column. Columns are cut
+into slabs. A volume of one moment has slabs of 64 voxels, one bit each; a volume of several has slabs of 8 voxels that
+pool their bits, and its voxels beside them for the last word. Two columns share a bit, or may share one, where an AND
+of their words is not zero.
+
+A cell of level L pools 2^L x 2^L columns, from lattice index zero. Shifted by all of a block of 2^L x 2^L shifts, a
+cell of B stays within four cells of A, and a cell of A within four of B. So A's four pooled by OR say which bits of B's
+cell may be met, and pooled by AND which are met whatever the shift; B's four pooled by AND say the same of A's cell. B
+is turned about z by looking up, for every column of the lattice, the column of the untouched volume that its centre
+falls into.
 """
 
 from dataclasses import dataclass
@@ -17,66 +22,90 @@ from mhvedit.volumes.history import MotionHistoryVolume
 
 TOP = 4  # the coarsest level
 BLOCK = 1 << TOP
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pyramid:
-    """A volume and its pools; level L is indexed by (lattice index >> L) - starts[L]."""
-
-    levels: tuple[Words, ...]  # TOP + 1 of (X, Y, Z, W): bits of some voxel
-    sure: tuple[Words, ...]  # the same: bits of every voxel
-    starts: IntArray  # (TOP + 1, 3)
+MOMENT_SLAB = 64  # voxels in a slab of a volume of one moment
+SLAB = 8  # voxels in a slab of a volume of several
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """The occupied columns of a volume, ready to be turned about z."""
+    """The occupied columns of a volume."""
 
-    column_of: Int32Array  # (X, Y) index into bits; -1 where the column is empty
+    column_of: Int32Array  # (X, Y) index into the words; -1 where the column is empty
     start: IntArray  # (2,) lattice index of column (0, 0)
-    bits: Words  # (C, Z, W)
-    z_start: int  # lattice index of the columns' first voxel, a multiple of BLOCK
-    occupied: FloatArray  # (C, 2) lattice indices of the occupied columns
+    words: Words  # (C, S W) what occurs in each slab
+    voxels: Words  # (C, 8 S W) what occurs in each voxel; the slabs' words for a volume of one moment
+    every: Words  # (C, S W) what occurs in every voxel of a slab; bits are voxels for a volume of one moment
+    first: int  # lattice index along z of the first slab, in slabs
+    n_words: int  # W, words in a slab
+    slab: int  # voxels in a slab
+    outline: FloatArray  # (N, 2) lattice indices of the first and the last occupied column of each row
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pools:
+    """Words of the cells of all levels, one level after the other; level 0 has none."""
+
+    words: Words  # (N,)
+    first: IntArray  # (TOP + 1,) where a level begins
+    shape: IntArray  # (TOP + 1, 3) X, Y, S W of a level
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pyramid:
+    """The volume at rest, and its pools; cell (x, y) of level L is (lattice index >> L) - starts[L]."""
+
+    columns: Columns
+    own: Pools  # words of some column of a cell; shifted by one cell, so as to stand beside the next two
+    some: Pools  # words of some column of a cell, the next along x, along y and along both
+    sure: Pools  # words of every column of these four
+    starts: IntArray  # (TOP + 1, 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TurnedColumns:
-    """A volume turned about z, and its pools; level 0 is the columns."""
+    """A volume turned about z, and its pools."""
 
-    column_of: Int32Array  # (X, Y) index into bits; -1 where empty; X and Y multiples of BLOCK
-    bits: Words  # (C, Z, W)
-    levels: tuple[Words, ...]  # TOP + 1 of (X, Y, Z, W); level 0 is a stand-in of one cell
-    starts: IntArray  # (TOP + 1, 3), as in Pyramid
+    columns: Columns  # untouched
+    column_of: Int32Array  # (X, Y) index into the columns' words; -1 where empty; X and Y multiples of BLOCK
+    some: Pools  # words of some column of a cell
+    sure: Pools  # words of every column of a cell, the one before along x, along y and along both
+    starts: IntArray  # (TOP + 1, 2), as in Pyramid
+
+
+def level_of(pools: Pools, level: int) -> Words:
+    """(X, Y, S W) the words of one level."""
+    shape = pools.shape[level]
+    first = pools.first[level]
+    return pools.words[first : first + shape.prod()].reshape(shape)
+
+
+def columns_of(volume: MotionHistoryVolume) -> Columns:
+    """Collect the occupied columns of a volume."""
+    n_words = volume.frames.shape[3]
+    slab = MOMENT_SLAB if volume.n_frames == 1 else SLAB
+    column_of, cells = _occupied(volume.frames)
+    low = volume.grid.start[2]
+    first = low // slab
+    n_slabs = -(-(low + volume.grid.shape[2]) // slab) - first
+    pack = _packed if slab == MOMENT_SLAB else _stacked
+    words, voxels, every = pack(volume.frames, cells, low - first * slab, n_slabs)
+    start = np.array(volume.grid.start[:2])
+    ends = np.flatnonzero(np.diff(cells[:, 0], prepend=-1, append=-1))
+    outline = np.concatenate([cells[ends[:-1]], cells[ends[1:] - 1]]) + start
+    return Columns(column_of, start, words, voxels, every, first, n_words, slab, outline.astype(np.float64))
 
 
 def pyramid_of(volume: MotionHistoryVolume) -> Pyramid:
     """Pool the volume that stays at rest."""
-    start, shape = _aligned(volume.grid.start, volume.grid.shape)
-    fine = np.zeros((*shape, volume.frames.shape[3]), np.uint64)
-    low = np.array(volume.grid.start) - start
-    high = low + volume.grid.shape
-    fine[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = volume.frames
-    levels, sure, starts = [fine], [fine], [start]
-    some = every = fine
-    for level in range(1, TOP + 1):
-        some, every = _pool(some), ~_pool(~every)
-        levels.append(_with_next(some, np.uint64(0)))
-        sure.append(~_with_next(~every, ~np.uint64(0)))
-        starts.append((start >> level) - np.array([1, 1, 0]))
-    return Pyramid(tuple(levels), tuple(sure), np.array(starts))
-
-
-def columns_of(volume: MotionHistoryVolume) -> Columns:
-    """Collect the occupied columns of the volume that is to be turned."""
-    occupied = volume.filled.any(2)
-    column_of = np.full(occupied.shape, -1, np.int32)
-    column_of[occupied] = np.arange(occupied.sum())
-    start, shape = _aligned(volume.grid.start, volume.grid.shape)
-    bits = np.zeros((int(occupied.sum()), shape[2], volume.frames.shape[3]), np.uint64)
-    low = volume.grid.start[2] - start[2]
-    bits[:, low : low + volume.grid.shape[2]] = volume.frames[occupied]
-    first = np.array(volume.grid.start[:2])
-    return Columns(column_of, first, bits, int(start[2]), np.asarray(np.argwhere(occupied) + first, np.float64))
+    columns = columns_of(volume)
+    start, shape = _aligned(columns.start, columns.column_of.shape)
+    column_of = np.full(shape, -1, np.int32)
+    low = columns.start - start
+    high = low + columns.column_of.shape
+    column_of[low[0] : high[0], low[1] : high[1]] = columns.column_of
+    own, every = _pools(column_of, columns.words), _pools_of_all(column_of, columns.every)
+    starts = np.array([(start >> level) - 1 for level in range(TOP + 1)])
+    return Pyramid(columns, _beside(own), _four(own, every=False), _four(every, every=True), starts)
 
 
 def turned(columns: Columns, yaw: float) -> TurnedColumns:
@@ -87,52 +116,127 @@ def turned(columns: Columns, yaw: float) -> TurnedColumns:
         yaw: rad, counter-clockwise.
     """
     c, s = np.cos(yaw), np.sin(yaw)
-    xy = columns.occupied @ np.array([[c, s], [-s, c]]) if len(columns.occupied) else np.zeros((1, 2))
-    low, high = np.floor(xy.min(0) - 1).astype(np.int64), np.ceil(xy.max(0) + 2).astype(np.int64)
-    first = (low // BLOCK) * BLOCK
-    shape = np.maximum(-(-(high - first) // BLOCK) * BLOCK, BLOCK)
-    column_of = _turned_columns(columns.column_of, columns.start, c, s, first, shape[0], shape[1])
-    levels = [np.zeros((1, 1, 1, columns.bits.shape[2]), np.uint64), _pool_columns(column_of, columns.bits)]
-    for _ in range(2, TOP + 1):
-        levels.append(_pool(levels[-1]))
-    start = np.array([first[0], first[1], columns.z_start])
-    return TurnedColumns(column_of, columns.bits, tuple(levels), np.array([start >> lv for lv in range(TOP + 1)]))
+    x, y = columns.outline.T if len(columns.outline) else np.zeros((2, 1))
+    xy = np.stack([c * x - s * y, s * x + c * y])
+    low, high = np.floor(xy.min(1) - 1).astype(np.int64), np.ceil(xy.max(1) + 2).astype(np.int64)
+    start, shape = _aligned(low, tuple(high - low))
+    column_of = _turned_columns(columns.column_of, columns.start, c, s, start, shape[0], shape[1])
+    starts = np.array([start >> level for level in range(TOP + 1)])
+    some, every = _pools(column_of, columns.words), _pools_of_all(column_of, columns.every)
+    return TurnedColumns(columns, column_of, some, _four_before(every), starts)
 
 
-def _aligned(start: tuple[int, int, int], shape: tuple[int, int, int]) -> tuple[IntArray, IntArray]:
-    """The box grown to multiples of BLOCK."""
-    low = np.array(start) // BLOCK * BLOCK
-    high = -(-(np.array(start) + shape) // BLOCK) * BLOCK
-    return low, high - low
-
-
-@njit(cache=True, nogil=True)
-def _pool(fine: Words) -> Words:
-    n_x, n_y, n_z, n_words = fine.shape
-    out = np.zeros((n_x // 2, n_y // 2, n_z // 2, n_words), np.uint64)
-    for x in range(n_x):
-        for y in range(n_y):
-            for z in range(n_z):
-                for w in range(n_words):
-                    out[x >> 1, y >> 1, z >> 1, w] |= fine[x, y, z, w]
+def _pools(column_of: Int32Array, words: Words) -> Pools:
+    """Words of some column of each cell."""
+    out = _blank(column_of, words)
+    _pool_columns(column_of, words, level_of(out, 1))
+    for level in range(2, TOP + 1):
+        _pool(level_of(out, level - 1), level_of(out, level))
     return out
 
 
-@njit(cache=True, nogil=True)
-def _with_next(pooled: Words, outside: np.uint64) -> Words:
-    """Each cell pooled, by OR, with the next along x, y and both; the array gains one cell at its low x and y sides."""
-    n_x, n_y, n_z, n_words = pooled.shape
-    out = np.zeros((n_x + 1, n_y + 1, n_z, n_words), np.uint64)
-    for x in range(-1, n_x):
-        for y in range(-1, n_y):
-            for z in range(n_z):
-                for w in range(n_words):
-                    word = np.uint64(0)
-                    for i in range(x, x + 2):
-                        for j in range(y, y + 2):
-                            word |= pooled[i, j, z, w] if 0 <= i < n_x and 0 <= j < n_y else outside
-                    out[x + 1, y + 1, z, w] = word
+def _pools_of_all(column_of: Int32Array, words: Words) -> Pools:
+    """Words of every column of each cell."""
+    out = _blank(column_of, words)
+    _pool_all_columns(column_of, words, level_of(out, 1))
+    for level in range(2, TOP + 1):
+        _pool_all(level_of(out, level - 1), level_of(out, level))
     return out
+
+
+def _blank(column_of: Int32Array, words: Words) -> Pools:
+    shape = [(column_of.shape[0] >> level, column_of.shape[1] >> level, words.shape[1]) for level in range(TOP + 1)]
+    return _of_shape(np.array([(0, 0, words.shape[1]), *shape[1:]]))
+
+
+def _of_shape(shape: IntArray) -> Pools:
+    ends = np.cumsum(shape.prod(1))
+    return Pools(np.zeros(ends[-1], np.uint64), np.append(0, ends[:-1]), shape)
+
+
+def _grown(pools: Pools) -> Pools:
+    """Empty pools with one cell more at the low x and y sides of each level."""
+    shape = pools.shape + np.array([1, 1, 0])
+    shape[0] = pools.shape[0]
+    return _of_shape(shape)
+
+
+def _beside(pools: Pools) -> Pools:
+    out = _grown(pools)
+    for level in range(1, TOP + 1):
+        level_of(out, level)[1:, 1:] = level_of(pools, level)
+    return out
+
+
+def _four(pools: Pools, *, every: bool) -> Pools:
+    """Each cell with the next along x, y and both."""
+    out = _grown(pools)
+    for level in range(1, TOP + 1):
+        _pool_four(level_of(pools, level), every, level_of(out, level))
+    return out
+
+
+def _four_before(pools: Pools) -> Pools:
+    """Each cell with the one before along x, y and both."""
+    out = _of_shape(pools.shape)
+    for level in range(1, TOP + 1):
+        _pool_four(level_of(pools, level), True, level_of(out, level))
+    return out
+
+
+def _aligned(start: IntArray, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    """The rectangle grown to multiples of BLOCK."""
+    low = start // BLOCK * BLOCK
+    high = -(-(start + shape) // BLOCK) * BLOCK
+    return low, np.maximum(high - low, BLOCK)
+
+
+@njit(cache=True, nogil=True)
+def _occupied(frames: Words) -> tuple[Int32Array, Int32Array]:
+    """Number the columns that hold anything: (X, Y) index, -1 where empty, and (C, 2) x, y."""
+    column_of = np.full(frames.shape[:2], -1, np.int32)
+    cells = np.empty((frames.shape[0] * frames.shape[1], 2), np.int32)
+    n = 0
+    for x in range(frames.shape[0]):
+        for y in range(frames.shape[1]):
+            if frames[x, y].any():
+                column_of[x, y] = n
+                cells[n, 0], cells[n, 1] = x, y
+                n += 1
+    return column_of, cells[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _packed(frames: Words, cells: Int32Array, low: int, n_slabs: int) -> tuple[Words, Words, Words]:
+    """Columns of a volume of one moment, a bit a voxel."""
+    out = np.zeros((cells.shape[0], n_slabs), np.uint64)
+    for n in range(cells.shape[0]):
+        column = frames[cells[n, 0], cells[n, 1]]
+        for z in range(column.shape[0]):
+            out[n, (low + z) // MOMENT_SLAB] |= (column[z, 0] & np.uint64(1)) << np.uint64((low + z) % MOMENT_SLAB)
+    return out, out, out
+
+
+@njit(cache=True, nogil=True)
+def _stacked(frames: Words, cells: Int32Array, low: int, n_slabs: int) -> tuple[Words, Words, Words]:
+    """Columns of a volume of several moments: pooled over slabs by OR, in full, and pooled by AND."""
+    n_words = frames.shape[3]
+    some = np.zeros((cells.shape[0], n_slabs * n_words), np.uint64)
+    every = np.zeros((cells.shape[0], n_slabs * n_words), np.uint64)
+    voxels = np.zeros((cells.shape[0], n_slabs * SLAB * n_words), np.uint64)
+    for n in range(cells.shape[0]):
+        column = frames[cells[n, 0], cells[n, 1]]
+        for z in range(column.shape[0]):
+            for w in range(n_words):
+                voxels[n, (low + z) * n_words + w] = column[z, w]
+        for at in range(n_slabs):
+            for w in range(n_words):
+                union, common = np.uint64(0), ~np.uint64(0)
+                for z in range(at * SLAB, (at + 1) * SLAB):
+                    union |= voxels[n, z * n_words + w]
+                    common &= voxels[n, z * n_words + w]
+                some[n, at * n_words + w], every[n, at * n_words + w] = union, common
+    return some, voxels, every
 
 
 @njit(cache=True, nogil=True)
@@ -140,26 +244,72 @@ def _turned_columns(
     column_of: Int32Array, start: IntArray, c: float, s: float, first: IntArray, n_x: int, n_y: int
 ) -> Int32Array:
     out = np.full((n_x, n_y), -1, np.int32)
+    last_u, last_v = column_of.shape[0], column_of.shape[1]
+    start_u, start_v = start
     for i in range(n_x):
+        x = float(first[0] + i)
         for j in range(n_y):
-            x, y = float(first[0] + i), float(first[1] + j)
-            u = int(np.floor(c * x + s * y + 0.5)) - start[0]
-            v = int(np.floor(c * y - s * x + 0.5)) - start[1]
-            if 0 <= u < column_of.shape[0] and 0 <= v < column_of.shape[1]:
-                out[i, j] = column_of[u, v]
+            y = float(first[1] + j)
+            u = int(np.floor(c * x + s * y + 0.5)) - start_u
+            v = int(np.floor(c * y - s * x + 0.5)) - start_v
+            if 0 <= u < last_u and 0 <= v < last_v:
+                out[i, j] = column_of[np.uint64(u), np.uint64(v)]
     return out
 
 
 @njit(cache=True, nogil=True)
-def _pool_columns(column_of: Int32Array, bits: Words) -> Words:
-    n_x, n_y = column_of.shape
-    n_z, n_words = bits.shape[1], bits.shape[2]
-    out = np.zeros((n_x // 2, n_y // 2, n_z // 2, n_words), np.uint64)
-    for x in range(n_x):
-        for y in range(n_y):
+def _pool_columns(column_of: Int32Array, words: Words, out: Words) -> None:
+    for x in range(column_of.shape[0]):
+        for y in range(column_of.shape[1]):
             column = column_of[x, y]
             if column >= 0:
-                for z in range(n_z):
+                for w in range(words.shape[1]):
+                    out[x >> 1, y >> 1, w] |= words[column, w]
+
+
+@njit(cache=True, nogil=True)
+def _pool_all_columns(column_of: Int32Array, words: Words, out: Words) -> None:
+    for x in range(out.shape[0]):
+        for y in range(out.shape[1]):
+            a, b = column_of[2 * x, 2 * y], column_of[2 * x, 2 * y + 1]
+            c, d = column_of[2 * x + 1, 2 * y], column_of[2 * x + 1, 2 * y + 1]
+            if a >= 0 and b >= 0 and c >= 0 and d >= 0:
+                for w in range(out.shape[2]):
+                    out[x, y, w] = words[a, w] & words[b, w] & words[c, w] & words[d, w]
+
+
+@njit(cache=True, nogil=True)
+def _pool(fine: Words, out: Words) -> None:
+    for x in range(out.shape[0]):
+        for y in range(out.shape[1]):
+            for w in range(out.shape[2]):
+                low = fine[2 * x, 2 * y, w] | fine[2 * x, 2 * y + 1, w]
+                out[x, y, w] = low | fine[2 * x + 1, 2 * y, w] | fine[2 * x + 1, 2 * y + 1, w]
+
+
+@njit(cache=True, nogil=True)
+def _pool_all(fine: Words, out: Words) -> None:
+    for x in range(out.shape[0]):
+        for y in range(out.shape[1]):
+            for w in range(out.shape[2]):
+                low = fine[2 * x, 2 * y, w] & fine[2 * x, 2 * y + 1, w]
+                out[x, y, w] = low & fine[2 * x + 1, 2 * y, w] & fine[2 * x + 1, 2 * y + 1, w]
+
+
+@njit(cache=True, nogil=True)
+def _pool_four(pooled: Words, every: bool, out: Words) -> None:
+    """Cell (x, y) of `out` pools cells x - 1, x by y - 1, y; outside is nothing."""
+    n_x, n_y, n_words = pooled.shape
+    for x in range(out.shape[0]):
+        for y in range(out.shape[1]):
+            i0, j0 = x - 1, y - 1
+            if every:
+                if i0 >= 0 and j0 >= 0 and i0 + 1 < n_x and j0 + 1 < n_y:
                     for w in range(n_words):
-                        out[x >> 1, y >> 1, z >> 1, w] |= bits[column, z, w]
-    return out
+                        low = pooled[i0, j0, w] & pooled[i0, j0 + 1, w]
+                        out[x, y, w] = low & pooled[i0 + 1, j0, w] & pooled[i0 + 1, j0 + 1, w]
+            else:
+                for i in range(max(i0, 0), min(i0 + 2, n_x)):
+                    for j in range(max(j0, 0), min(j0 + 2, n_y)):
+                        for w in range(n_words):
+                            out[x, y, w] |= pooled[i, j, w]

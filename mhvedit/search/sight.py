@@ -13,12 +13,14 @@ from numba import njit
 from mhvedit.constraints.visibility import SightCone
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.planar import rotation
-from mhvedit.search.pyramid import TurnedColumns
+from mhvedit.geometry.uncounted import uncounted
+from mhvedit.search.pyramid import MOMENT_SLAB, Columns, TurnedColumns, level_of
 
 CELL_LEVEL = 3
 CELL = 1 << CELL_LEVEL  # voxels along a cell's side
 TOP_BLOCK = 64  # shifts along the side of the coarsest blocks
-MARGIN = 1e-9  # rad, by which a ball must clear the cone's edge to be settled at once
+WITNESSED = 8  # shifts along the side of the coarsest blocks that the last witness is tried on
+MARGIN = 1e-9  # m, by which a ball must clear the cone's surface to be settled at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,20 +72,47 @@ def _in_sight(
 ) -> BoolArray:
     """The eye of cell (i, j) is at eye + (i, j) * step."""
     out = np.zeros(asked.shape, np.bool_)
-    cells = np.argwhere(volume.levels[CELL_LEVEL].any(-1)).astype(np.int32)
-    middles = (volume.starts[0] + CELL * cells + 0.5 * (CELL - 1)) * pitch
+    cells = _occupied_cells(level_of(volume.some, CELL_LEVEL), volume.columns)
+    corner = np.append(volume.starts[0], volume.columns.first * volume.columns.slab)
+    middles = (corner + CELL * cells + 0.5 * (CELL - 1)) * pitch
     open_cells = np.empty((TOP_BLOCK.bit_length() + 1, len(cells)), np.int32)
     open_cells[0] = np.arange(len(cells))
-    view = (np.ascontiguousarray(eye), np.ascontiguousarray(direction), cone.half_angle, step, pitch)
-    solid = (cells, np.ascontiguousarray(middles), volume.starts[0], volume.column_of, volume.bits)
-    for i in range(0, asked.shape[0], TOP_BLOCK):
-        for j in range(0, asked.shape[1], TOP_BLOCK):
-            _settle_block(i, j, open_cells, view, solid, asked, out)
+    view = (eye, direction, np.sin(cone.half_angle), np.cos(cone.half_angle), step, pitch)
+    solid = (
+        cells,
+        middles,
+        corner,
+        volume.column_of,
+        volume.columns.voxels,
+        volume.columns.slab,
+        volume.columns.n_words,
+    )
+    _look(open_cells, view, solid, asked, out)
     return out
 
 
-View = tuple[FloatArray, FloatArray, float, float, float]
-Solid = tuple[Int32Array, FloatArray, IntArray, Int32Array, Words]
+def _occupied_cells(level: Words, columns: Columns) -> Int32Array:
+    """(C, 3) cells of the level that hold anything, from the columns' first voxel on."""
+    if columns.slab == MOMENT_SLAB:  # bits are voxels, bytes cells
+        filled = level.astype("<u8").view(np.uint8) != 0
+    else:
+        filled = (level != 0).reshape(*level.shape[:2], -1, columns.n_words).any(-1)
+    return np.argwhere(filled).astype(np.int32)
+
+
+View = tuple[FloatArray, FloatArray, float, float, float, float]  # eye, direction, sine and cosine, step, pitch
+Solid = tuple[Int32Array, FloatArray, IntArray, Int32Array, Words, int, int]
+
+
+@njit(cache=True, nogil=True)
+def _look(open_cells: Int32Array, view: View, solid: Solid, asked: BoolArray, out: BoolArray) -> None:
+    """Settle all blocks of shifts."""
+    view = (uncounted(view[0]), uncounted(view[1]), view[2], view[3], view[4], view[5])
+    arrays = uncounted(solid[0]), uncounted(solid[1]), uncounted(solid[2]), uncounted(solid[3]), uncounted(solid[4])
+    solid = (arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], solid[5], solid[6])
+    for i in range(0, asked.shape[0], TOP_BLOCK):
+        for j in range(0, asked.shape[1], TOP_BLOCK):
+            _settle_block(i, j, uncounted(open_cells), view, solid, uncounted(asked), uncounted(out))
 
 
 @njit(cache=True, nogil=True)  # with a stack of its own: compiled recursion does not survive the cache
@@ -91,7 +120,8 @@ def _settle_block(
     i: int, j: int, open_cells: Int32Array, view: View, solid: Solid, asked: BoolArray, out: BoolArray
 ) -> None:
     """Settle one of the coarsest blocks of shifts, depth first; row d of `open_cells` is what is open at depth d."""
-    eye, step = view[0], view[3]
+    eye, step = view[0], view[4]
+    witness = np.full(3, np.nan)  # the voxel that was seen last
     counts = np.zeros(open_cells.shape[0], np.int64)
     counts[0] = open_cells.shape[1]
     stack = np.zeros((4 * open_cells.shape[0], 3), np.int64)  # first shift of a block, and its depth
@@ -104,9 +134,11 @@ def _settle_block(
         here = asked[u : u + size, v : v + size]
         if not here.any():
             continue
+        if size <= WITNESSED and _all_see(witness, u, v, here, view, out[u : u + size, v : v + size]):
+            continue
         at_x, at_y = eye[0] + (u + 0.5 * (size - 1)) * step, eye[1] + (v + 0.5 * (size - 1)) * step
         kept = _sift(size, counts[depth], open_cells[depth], open_cells[depth + 1], at_x, at_y, view, solid)
-        if kept < 0 or (size == 1 and _any_in_sight(open_cells[depth + 1, :kept], at_x, at_y, view, solid)):
+        if kept < 0 or (size == 1 and _any_in_sight(open_cells[depth + 1, :kept], at_x, at_y, view, solid, witness)):
             out[u : u + size, v : v + size] = here
         elif size > 1 and kept > 0:
             counts[depth + 1] = kept
@@ -117,7 +149,7 @@ def _settle_block(
                 height += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _sift(
     size: int,
     n_open: int,
@@ -129,61 +161,88 @@ def _sift(
     solid: Solid,
 ) -> int:
     """Keep the cells that are still open for a block of shifts; -1 if some cell is in sight from all of it."""
-    eye, direction, half_angle, step, pitch = view
-    reach = 0.5 * np.sqrt(3.0) * (CELL - 1) * pitch + abs(step) * (size - 1) * np.sqrt(0.5)
+    eye, direction, sine, cosine, step, pitch = view
+    middles = solid[1]
+    reach = 0.5 * np.sqrt(3.0) * (CELL - 1) * pitch + abs(step) * (size - 1) * np.sqrt(0.5) + MARGIN
     n = 0
     for c in range(n_open):
         cell = open_cells[c]
-        found = _ball_in_cone(solid[1][cell], at_x, at_y, eye[2], direction, half_angle, reach)
-        if found > 0:
+        x, y, z = middles[cell, 0] - at_x, middles[cell, 1] - at_y, middles[cell, 2] - eye[2]
+        inwards = _inwards(x, y, z, direction, sine, cosine)
+        if inwards > reach:
+            open_cells[c], open_cells[0] = open_cells[0], cell
             return -1
-        if found == 0:
+        if inwards >= -reach:
             kept[n] = cell
             n += 1
     return n
 
 
-@njit(cache=True, nogil=True)
-def _any_in_sight(open_cells: Int32Array, at_x: float, at_y: float, view: View, solid: Solid) -> bool:
-    """Whether some voxel of the open cells is in the cone."""
+@njit(cache=True, nogil=True, inline="always")
+def _all_see(witness: FloatArray, u: int, v: int, asked: BoolArray, view: View, out: BoolArray) -> bool:
+    """Try the voxel that was seen last from all shifts of a block, until one does not see it."""
+    eye, direction, _, cosine, step, _ = view
+    z = witness[2] - eye[2]
+    for i in range(asked.shape[0]):
+        for j in range(asked.shape[1]):
+            if asked[i, j]:
+                x, y = witness[0] - eye[0] - (u + i) * step, witness[1] - eye[1] - (v + j) * step
+                along = x * direction[0] + y * direction[1] + z * direction[2]
+                if not along >= cosine * np.sqrt(x * x + y * y + z * z):  # nor where there is no witness yet
+                    return False
+                out[i, j] = True
+    return True
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _any_in_sight(
+    open_cells: Int32Array, at_x: float, at_y: float, view: View, solid: Solid, witness: FloatArray
+) -> bool:
+    """Whether some voxel of the open cells is in the cone; the first that is becomes the witness."""
     for cell in open_cells:
-        if _voxel_in_sight(cell, at_x, at_y, view, solid):
+        if _voxel_in_sight(cell, at_x, at_y, view, solid, witness):
             return True
     return False
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _ball_in_cone(
-    middle: FloatArray, at_x: float, at_y: float, at_z: float, direction: FloatArray, half_angle: float, reach: float
-) -> int:
-    """1 if everything within reach of the middle is in the cone, -1 if nothing is, 0 if that is open."""
-    x, y, z = middle[0] - at_x, middle[1] - at_y, middle[2] - at_z
-    far = np.sqrt(x * x + y * y + z * z)
-    if far <= reach:
-        return 0
-    cosine = (x * direction[0] + y * direction[1] + z * direction[2]) / far
-    angle = np.arccos(min(1.0, max(-1.0, cosine)))
-    spread = np.arcsin(reach / far) + MARGIN
-    if angle - spread > half_angle:
-        return -1
-    return 1 if angle + spread < half_angle else 0
+def _inwards(x: float, y: float, z: float, direction: FloatArray, sine: float, cosine: float) -> float:
+    """How far inside the cone a point beside the eye is: in size never more than its distance from the cone's surface.
+
+    Across the surface this is the distance itself; where the apex is nearest it falls short of it.
+    """
+    along = x * direction[0] + y * direction[1] + z * direction[2]
+    across = np.sqrt(max(0.0, x * x + y * y + z * z - along * along))
+    return float(along * sine - across * cosine)
 
 
-@njit(cache=True, nogil=True)
-def _voxel_in_sight(cell: int, at_x: float, at_y: float, view: View, solid: Solid) -> bool:
+@njit(cache=True, nogil=True, inline="always")
+def _voxel_in_sight(cell: int, at_x: float, at_y: float, view: View, solid: Solid, witness: FloatArray) -> bool:
     """Whether the centre of some filled voxel of a cell is in the cone."""
-    eye, direction, half_angle, _, pitch = view
-    cells, _, start, column_of, bits = solid
-    cosine = np.cos(half_angle)
+    eye, direction, sine, cosine, _, pitch = view
+    cells, middles, corner, column_of, voxels, slab, n_words = solid
+    reach = 0.5 * (CELL - 1) * pitch + MARGIN
+    dz = middles[cell, 2] - eye[2]
     for i in range(CELL * cells[cell, 0], CELL * cells[cell, 0] + CELL):
         for j in range(CELL * cells[cell, 1], CELL * cells[cell, 1] + CELL):
             column = column_of[i, j]
-            if column < 0:
+            x, y = (corner[0] + i) * pitch - at_x, (corner[1] + j) * pitch - at_y
+            if column < 0 or _inwards(x, y, dz, direction, sine, cosine) < -reach:
                 continue
-            x, y = (start[0] + i) * pitch - at_x, (start[1] + j) * pitch - at_y
             for k in range(CELL * cells[cell, 2], CELL * cells[cell, 2] + CELL):
-                z = (start[2] + k) * pitch - eye[2]
+                z = (corner[2] + k) * pitch - eye[2]
                 along = x * direction[0] + y * direction[1] + z * direction[2]
-                if along >= cosine * np.sqrt(x * x + y * y + z * z) and bits[column, k].any():
+                if along >= cosine * np.sqrt(x * x + y * y + z * z) and _filled(voxels[column], k, slab, n_words):
+                    witness[0], witness[1], witness[2] = x + at_x, y + at_y, z + eye[2]
                     return True
+    return False
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _filled(column: Words, k: int, slab: int, n_words: int) -> bool:
+    if slab == MOMENT_SLAB:
+        return bool((column[k // MOMENT_SLAB] >> np.uint64(k % MOMENT_SLAB)) & np.uint64(1))
+    for w in range(k * n_words, (k + 1) * n_words):
+        if column[w] != 0:
+            return True
     return False

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mhvedit.constraints.clauses import Clause, Meeting, Option
+from mhvedit.constraints.dictionary import ever
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.search.meet import meets
@@ -17,6 +18,7 @@ from mhvedit.volumes.history import MotionHistoryVolume
 
 ACCEPTED, OUTSIDE = 0, 1
 BASE_REASONS = ("accepted", "outside the window")
+BUNCH = 12  # yaws that a thread takes at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +55,8 @@ class _Prepared:
 
     resting: dict[int, Pyramid]
     columns: dict[int, Columns]
+    seen_a: TurnedColumns | None  # all of A, for B to look at
+    seen_b: Columns | None
 
 
 def search_poses(
@@ -78,34 +82,35 @@ def search_poses(
     reasons = BASE_REASONS + tuple(clause.reason for clause in clauses)
     if sight is not None:
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
-    reason = np.full((grid.size, grid.size, grid.n_yaw), OUTSIDE, np.uint8)
-    done = 0
+    reason = np.empty((grid.size, grid.size, grid.n_yaw), np.uint8)
+    bunches = [range(k, min(k + BUNCH, grid.n_yaw)) for k in range(0, grid.n_yaw, BUNCH)]
+
+    def decide(bunch: range) -> None:
+        found = [
+            _reasons_at(grid, clauses, sight, prepared, k, None if among is None else among[:, :, k]) for k in bunch
+        ]
+        reason[:, :, bunch.start : bunch.stop] = np.stack(found, axis=-1)
+
     with ThreadPoolExecutor(workers) as pool:
-        slices = pool.map(
-            lambda k: _reasons_at(grid, clauses, sight, prepared, k, None if among is None else among[:, :, k]),
-            range(grid.n_yaw),
-        )
-        for k, found in enumerate(slices):
-            reason[:, :, k] = found
-            done += 1
+        for done, _ in enumerate(pool.map(decide, bunches), start=1):
             if progress is not None:
-                progress(done / grid.n_yaw)
+                progress(done / len(bunches))
     return ReasonMap(grid, reason, reasons)
 
 
 def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
-    prepared = _Prepared({}, {})
+    resting: dict[int, Pyramid] = {}
+    columns: dict[int, Columns] = {}
     for clause in clauses:
         for option in clause.options:
             for meeting in option.must + option.never:
-                if id(meeting.a) not in prepared.resting:
-                    prepared.resting[id(meeting.a)] = pyramid_of(meeting.a)
-                if id(meeting.b) not in prepared.columns:
-                    prepared.columns[id(meeting.b)] = columns_of(meeting.b)
-    if sight is not None:
-        prepared.columns.setdefault(id(sight.a), columns_of(sight.a))
-        prepared.columns.setdefault(id(sight.b), columns_of(sight.b))
-    return prepared
+                if id(meeting.a) not in resting:
+                    resting[id(meeting.a)] = pyramid_of(meeting.a)
+                if id(meeting.b) not in columns:
+                    columns[id(meeting.b)] = columns_of(meeting.b)
+    if sight is None:
+        return _Prepared(resting, columns, None, None)
+    return _Prepared(resting, columns, turned(columns_of(ever(sight.a)), 0.0), columns_of(ever(sight.b)))
 
 
 def _reasons_at(
@@ -120,7 +125,6 @@ def _reasons_at(
     alive = grid.inside(k) if among is None else grid.inside(k) & among
     reason = np.where(alive, ACCEPTED, OUTSIDE).astype(np.uint8)
     turned_b: dict[int, TurnedColumns] = {}
-    yaw = float(grid.yaws[k])
     for number, clause in enumerate(clauses, start=len(BASE_REASONS)):
         if not alive.any():
             return reason
@@ -130,7 +134,7 @@ def _reasons_at(
         reason[alive & ~passed] = number
         alive = passed
     if sight is not None and alive.any():
-        _mark_unseen(reason, alive, sight, prepared, turned_b, grid, k, yaw, len(BASE_REASONS) + len(clauses))
+        _mark_unseen(reason, alive, sight.cones, prepared, grid, k, len(BASE_REASONS) + len(clauses))
     return reason
 
 
@@ -161,34 +165,21 @@ def _where_met(
 ) -> BoolArray:
     if not asked.any():
         return asked
-    b = _turned(meeting.b, prepared, turned_b, grid, k)
+    b = id(meeting.b)
+    if b not in turned_b:
+        turned_b[b] = turned(prepared.columns[b], float(grid.yaws[k]))
     resting = prepared.resting[id(meeting.a)]
-    return meets(resting, b, base=grid.base[k], stride=grid.stride, asked=asked, every=meeting.every)
-
-
-def _turned(
-    volume: MotionHistoryVolume, prepared: _Prepared, turned_b: dict[int, TurnedColumns], grid: PoseGrid, k: int
-) -> TurnedColumns:
-    if id(volume) not in turned_b:
-        turned_b[id(volume)] = turned(prepared.columns[id(volume)], float(grid.yaws[k]))
-    return turned_b[id(volume)]
+    return meets(resting, turned_b[b], base=grid.base[k], stride=grid.stride, asked=asked, every=meeting.every)
 
 
 def _mark_unseen(
-    reason: ByteArray,
-    alive: BoolArray,
-    sight: SightTest,
-    prepared: _Prepared,
-    turned_b: dict[int, TurnedColumns],
-    grid: PoseGrid,
-    k: int,
-    yaw: float,
-    number: int,
+    reason: ByteArray, alive: BoolArray, cones: MutualSight, prepared: _Prepared, grid: PoseGrid, k: int, number: int
 ) -> None:
     """Reject the poses at which one does not see the other."""
+    assert prepared.seen_a is not None and prepared.seen_b is not None
+    yaw = float(grid.yaws[k])
     where = {"base": grid.base[k], "step": grid.step, "pitch": grid.step / grid.stride}
-    b = _turned(sight.b, prepared, turned_b, grid, k)
-    seen = a_sees_b(sight.cones.a, b, asked=alive, **where)
-    back = b_sees_a(sight.cones.b, turned(prepared.columns[id(sight.a)], 0.0), yaw, asked=seen, **where)
+    seen = a_sees_b(cones.a, turned(prepared.seen_b, yaw), asked=alive, **where)
+    back = b_sees_a(cones.b, prepared.seen_a, yaw, asked=seen, **where)
     reason[alive & ~seen] = number
     reason[seen & ~back] = number + 1

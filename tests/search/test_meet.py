@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mhvedit.geometry.arrays import BoolArray, IntArray, Words
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.search.meet import meets
-from mhvedit.search.pyramid import BLOCK, TOP, columns_of, pyramid_of, turned
+from mhvedit.search.pyramid import BLOCK, MOMENT_SLAB, SLAB, TOP, columns_of, level_of, pyramid_of, turned
 from mhvedit.volumes.history import MotionHistoryVolume, frame_mask
 from tests import oracles
 from tests.oracles import Voxel
@@ -137,23 +137,61 @@ def test_quarter_turns_move_voxels_onto_voxels(yaw: float) -> None:
     start = columns.starts[0]
     found = {}
     for i, j in np.argwhere(columns.column_of >= 0):
-        for z, words in enumerate(columns.bits[columns.column_of[i, j]]):
-            if words.any():
-                found[int(start[0] + i), int(start[1] + j), int(start[2] + z)] = int(words[0]) | int(words[1]) << 64
+        words = columns.columns.voxels[columns.column_of[i, j]].reshape(-1, columns.columns.n_words)
+        for z in np.flatnonzero(words.any(1)):
+            value = sum(int(word) << (64 * w) for w, word in enumerate(words[z]))
+            found[int(start[0] + i), int(start[1] + j), int(columns.columns.first * SLAB + z)] = value
     assert found == {(c * x - s * y, s * x + c * y, z): bits for (x, y, z), bits in bits_of(volume).items()}
 
 
-def test_each_level_of_the_pyramid_pools_what_some_and_what_every_shift_of_a_block_can_meet() -> None:
+def test_a_volume_of_one_moment_agrees_with_brute_force() -> None:
+    """Bits are voxels there: columns of several words, off the border of words, and any bit for every."""
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        pair = []
+        for reach in (24, 12):
+            many = boxes_and_crumbs(rng, reach, words=1)
+            tall = np.repeat(many.frames, int(rng.integers(1, 12)), axis=2)
+            grid = VoxelGrid(many.grid.start, tall.shape[:3], 0.01)
+            pair.append(MotionHistoryVolume(grid, (tall != 0).astype(np.uint64), 1))
+        a, b = pair
+        base = np.array(a.grid.start[:2]) - b.grid.start[:2] - 8
+        for every in (None, np.ones(1, np.uint64)):
+            check(a, b, float(rng.choice([0, 2])), base, 1, rng.random((20, 20)) < 0.8, every)
+
+
+@pytest.mark.parametrize("moments", [1, 6])
+def test_each_level_pools_what_some_and_what_every_shift_of_a_block_can_meet(moments: int) -> None:
     volume = boxes_and_crumbs(np.random.default_rng(11), 30, words=1)
+    volume = MotionHistoryVolume(volume.grid, volume.frames & np.uint64(1 if moments == 1 else 63), moments)
     pyramid, bits = pyramid_of(volume), bits_of(volume)
+    still = turned(columns_of(volume), 0.0)
+    slab = MOMENT_SLAB if moments == 1 else SLAB
+    assert pyramid.columns.slab == slab
     for level in range(1, TOP + 1):
         size = 1 << level
-        for cell in np.ndindex(pyramid.levels[level].shape[:3]):
-            low = (np.array(cell) + pyramid.starts[level]) * size
-            reached = [
-                bits.get((int(low[0]) + x, int(low[1]) + y, int(low[2]) + z), 0)
-                for x, y, z in np.ndindex(2 * size, 2 * size, size)
-            ]
-            assert pyramid.levels[level][cell][0] == np.bitwise_or.reduce(np.array(reached, np.uint64))
-            assert pyramid.sure[level][cell][0] == np.bitwise_and.reduce(np.array(reached, np.uint64))
+        pools = (
+            (pyramid.some, pyramid.starts, 0, 2, np.bitwise_or),
+            (pyramid.sure, pyramid.starts, 0, 2, np.bitwise_and),
+            (pyramid.own, pyramid.starts, 0, 1, np.bitwise_or),
+            (still.some, still.starts, 0, 1, np.bitwise_or),
+            (still.sure, still.starts, -size, 2, np.bitwise_and),
+        )
+        for found, starts, ahead, cells, pooled in pools:
+            words = level_of(found, level)
+            for x, y, z in np.ndindex(words.shape):
+                low = (np.array([x, y]) + starts[level]) * size + ahead
+                reached = np.array(
+                    [
+                        [bits.get((int(low[0]) + i, int(low[1]) + j, (pyramid.columns.first + z) * slab + k), 0)
+                         for k in range(slab)]
+                        for i, j in np.ndindex(cells * size, cells * size)
+                    ],
+                    np.uint64,
+                )  # fmt: skip
+                expected = pooled.reduce(reached, axis=0)
+                if moments == 1:
+                    assert words[x, y, z] == sum(int(bit) << k for k, bit in enumerate(expected))
+                else:
+                    assert words[x, y, z] == pooled.reduce(expected)
     assert BLOCK == 16

@@ -198,10 +198,10 @@ def test_the_number_of_workers_changes_nothing() -> None:
 
 def test_progress_ends_at_one_and_never_falls() -> None:
     pair = random_pair(np.random.default_rng(0), 2)
-    grid = pose_grid(pair[0].root, pair[1].root, pitch=PITCH, stride=1, n_yaw=5, window=0.1)
+    grid = pose_grid(pair[0].root, pair[1].root, pitch=PITCH, stride=1, n_yaw=30, window=0.1)
     shares: list[float] = []
     search_poses(grid, clauses_of(pair, segment(pair, InteractionType.NONE)), progress=shares.append)
-    assert shares == sorted(shares) and len(shares) == 5 and shares[-1] == 1
+    assert shares == sorted(shares) and len(shares) > 1 and shares[-1] == 1
 
 
 def test_reasons_are_named_in_the_order_in_which_they_are_blamed() -> None:
