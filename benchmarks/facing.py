@@ -99,12 +99,12 @@ def measure(
     name: str, sequence: MeshSequence, joints: Joints, face: FloatArray | None
 ) -> tuple[list[str], list[str], FloatArray]:
     """One row for the facing, one for the gaze, and the facing's errors in degrees."""
-    began = time.thread_time()
+    began = time.process_time()
     body = track_body(sequence)
     facing = facing_of_body(body, fps=sequence.fps)
-    middle = time.thread_time()
+    middle = time.process_time()
     gaze = gaze_of_body(sequence, body)
-    spent = 1e3 * np.diff([began, middle, time.thread_time()]) / len(sequence.numbers)
+    spent = 1e3 * np.diff([began, middle, time.process_time()]) / len(sequence.numbers)
     error = np.degrees(np.abs(wrap_angle(facing.yaw - true_facing(joints))))
     off = face_error(gaze, joints, face)
     eyes = np.median(np.linalg.norm(gaze.eye - joints["Head"], axis=1)) * 1e3

@@ -1,6 +1,9 @@
 """Follows the plain adult through a capture: started anew in a few key frames, tracked between, the best way chosen."""
 
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -80,12 +83,23 @@ class _Candidate:
     across: FloatArray  # (3,) unit, from left to right through hips and shoulders
 
 
-def track_body(sequence: MeshSequence, *, yaw: FloatArray | None = None) -> BodyTrack:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """What the search for the body goes by."""
+
+    model: BodyModel
+    clouds: list[FloatArray]  # fine, of all frames
+    yaw: FloatArray | None  # (T,) rad, where the body faces, if that is known
+    pool: Executor
+
+
+def track_body(sequence: MeshSequence, *, yaw: FloatArray | None = None, workers: int = 1) -> BodyTrack:
     """Lay the plain adult into every frame.
 
     Args:
         sequence: the capture.
         yaw: (T,) rad, where the body faces, if that is known.
+        workers: threads; the result does not depend on it.
 
     Returns:
         The body in the capture's frame; it turns and shifts with the capture.
@@ -93,16 +107,13 @@ def track_body(sequence: MeshSequence, *, yaw: FloatArray | None = None) -> Body
     model = plain_adult()
     numbers = np.array(sequence.numbers)
     own_from_capture = own_frame(sequence.mesh(sequence.numbers[0]))
-    fine, coarse = _clouds(sequence, own_from_capture)
     own_yaw = None if yaw is None else np.asarray(yaw) + own_from_capture[2]
-    shelves: list[list[_Candidate]] = [[] for _ in numbers]
-    keys = _key_frames(len(numbers))
-    for at, key in enumerate(keys):
-        before, after = keys[max(at - 1, 0)], keys[min(at + 1, len(keys) - 1)]
-        for start in _start(model, coarse[key], fine[key], None if own_yaw is None else own_yaw[key]):
-            _follow(model, fine, start, range(key, after + 1), shelves)
-            _follow(model, fine, start, range(key - 1, before - 1, -1), shelves)
-    _second_chances(model, sequence, own_from_capture, fine, shelves, own_yaw)
+    with ThreadPoolExecutor(workers) as pool:
+        look = partial(_clouds, sequence, own_from_capture, frozenset(_key_frames(len(numbers))))
+        clouds = list(pool.map(look, range(len(numbers))))
+        search = _Search(model, [fine for fine, _ in clouds], own_yaw, pool)
+        shelves = _shelves(search, {at: coarse for at, (_, coarse) in enumerate(clouds) if coarse is not None})
+        _second_chances(search, sequence, own_from_capture, shelves)
     return _in_capture(model, numbers, _best_way(shelves, own_yaw), own_from_capture)
 
 
@@ -126,17 +137,26 @@ def across_body(places: FloatArray) -> FloatArray:
     return np.asarray((units[0] + units[1]) / 2)
 
 
-def _clouds(sequence: MeshSequence, own_from_capture: FloatArray) -> tuple[list[FloatArray], dict[int, FloatArray]]:
-    """Fine clouds of all frames, and coarse ones of the key frames by index."""
-    keys = set(_key_frames(len(sequence.numbers)))
-    fine: list[FloatArray] = []
-    coarse: dict[int, FloatArray] = {}
-    for at, number in enumerate(sequence.numbers):
-        mesh = sequence.mesh(number)
-        fine.append(surface_cloud(mesh, own_from_capture, cell=FINE))
-        if at in keys:
-            coarse[at] = surface_cloud(mesh, own_from_capture, cell=COARSE)
-    return fine, coarse
+def _clouds(
+    sequence: MeshSequence, own_from_capture: FloatArray, keys: frozenset[int], at: int
+) -> tuple[FloatArray, FloatArray | None]:
+    """The fine cloud of a frame, and in key frames the coarse one."""
+    mesh = sequence.mesh(sequence.numbers[at])
+    coarse = surface_cloud(mesh, own_from_capture, cell=COARSE) if at in keys else None
+    return surface_cloud(mesh, own_from_capture, cell=FINE), coarse
+
+
+def _shelves(search: _Search, coarse: dict[int, FloatArray]) -> list[list[_Candidate]]:
+    """For each frame the poses that the body has there in the tracks from the key frames before and after it."""
+    keys = sorted(coarse)
+    tracks: list[tuple[BodyPose, range]] = []
+    for at, key in enumerate(keys):
+        before, after = keys[max(at - 1, 0)], keys[min(at + 1, len(keys) - 1)]
+        ways = range(key, after + 1), range(key - 1, before - 1, -1)
+        tracks += product(_start(search, coarse[key], key), ways)
+    shelves: list[list[_Candidate]] = [[] for _ in search.clouds]
+    _follow(search, tracks, shelves)
+    return shelves
 
 
 def _key_frames(n_frames: int) -> list[int]:
@@ -170,15 +190,16 @@ def _centre(model: BodyModel, pose: BodyPose) -> FloatArray:
     return np.asarray(area @ middles / area.sum())
 
 
-def _start(model: BodyModel, coarse: FloatArray, fine: FloatArray, yaw: float | None) -> list[BodyPose]:
+def _start(search: _Search, coarse: FloatArray, frame: int) -> list[BodyPose]:
     """Where the body may be in a frame, the best first; rivals only if they fit nearly as well and face elsewhere."""
-    yaws = 2 * np.pi * np.arange(N_YAWS) / N_YAWS if yaw is None else [yaw]
+    model, fine = search.model, search.clouds[frame]
+    yaws = 2 * np.pi * np.arange(N_YAWS) / N_YAWS if search.yaw is None else search.yaw[frame : frame + 1]
     centre = coarse[:, 6] @ coarse[:, :3]
     tries = [_posture(model, posture, angle) for posture in _POSTURES for angle in yaws]
     tries = [BodyPose(pose.rotations, centre - _centre(model, pose), pose.shape) for pose in tries]
     for kept, sigma in LOOKS:
-        tries = [pose for _, pose in _fit_all(model, coarse, tries, sigma)[:kept]]
-    found = _fit_all(model, fine, tries, TRACKING)
+        tries = [pose for _, pose in _fit_all(search, coarse, tries, sigma)[:kept]]
+    found = _fit_all(search, fine, tries, TRACKING)
     chosen: list[BodyPose] = []
     fronts: list[float] = []
     for energy, pose in found:
@@ -191,26 +212,33 @@ def _start(model: BodyModel, coarse: FloatArray, fine: FloatArray, yaw: float | 
 
 
 def _fit_all(
-    model: BodyModel, cloud: FloatArray, poses: list[BodyPose], sigma: FloatArray
+    search: _Search, cloud: FloatArray, poses: list[BodyPose], sigma: FloatArray
 ) -> list[tuple[float, BodyPose]]:
     """Fit each posture; the best first."""
-    fits = [fit_body(model, cloud, pose, sigma=sigma) for pose in poses]
+    fits = search.pool.map(lambda pose: fit_body(search.model, cloud, pose, sigma=sigma), poses)
     return sorted(((energy, pose) for pose, energy in fits), key=lambda found: found[0])
 
 
-def _follow(
-    model: BodyModel, clouds: list[FloatArray], pose: BodyPose, frames: range, shelves: list[list[_Candidate]]
-) -> None:
-    """Track a posture through frames and put what is found on each frame's shelf."""
+def _follow(search: _Search, tracks: list[tuple[BodyPose, range]], shelves: list[list[_Candidate]]) -> None:
+    """Track postures through frames and put what is found on each frame's shelf, one track after the other."""
+    found = search.pool.map(lambda track: _tracked(search, *track), tracks)
+    for (_, frames), candidates in zip(tracks, found, strict=True):
+        for frame, candidate in zip(frames, candidates, strict=True):
+            shelves[frame].append(candidate)
+
+
+def _tracked(search: _Search, pose: BodyPose, frames: range) -> list[_Candidate]:
+    """One posture through some frames, each begun from the last."""
+    candidates = []
     for frame in frames:
-        pose, energy = fit_body(model, clouds[frame], pose, sigma=TRACKING)
-        shelves[frame].append(_Candidate(pose, energy, across_body(joint_places(model, pose))))
+        pose, energy = fit_body(search.model, search.clouds[frame], pose, sigma=TRACKING)
+        candidates.append(_Candidate(pose, energy, across_body(joint_places(search.model, pose))))
+    return candidates
 
 
 def _second_chances(
-    model: BodyModel, sequence: MeshSequence, own_from_capture: FloatArray, clouds: list[FloatArray],
-    shelves: list[list[_Candidate]], yaw: FloatArray | None,
-) -> None:  # fmt: skip
+    search: _Search, sequence: MeshSequence, own_from_capture: FloatArray, shelves: list[list[_Candidate]]
+) -> None:
     """Where every track fits poorly the body is looked for anew, the worst frame first."""
     tried = np.zeros(len(shelves), bool)
     for _ in range(1 + len(shelves) // CHANCE_SPACING):
@@ -219,11 +247,10 @@ def _second_chances(
         if tried[worst] or misfit[worst] <= POOR * np.median(misfit):
             return
         tried[worst] = True
-        mesh = sequence.mesh(sequence.numbers[worst])
-        coarse = surface_cloud(mesh, own_from_capture, cell=COARSE)
-        for start in _start(model, coarse, clouds[worst], None if yaw is None else yaw[worst]):
-            _follow(model, clouds, start, range(worst, min(worst + CHANCE_SPACING, len(shelves))), shelves)
-            _follow(model, clouds, start, range(worst - 1, max(worst - CHANCE_SPACING, -1), -1), shelves)
+        coarse = surface_cloud(sequence.mesh(sequence.numbers[worst]), own_from_capture, cell=COARSE)
+        after, before = min(worst + CHANCE_SPACING, len(shelves)), max(worst - CHANCE_SPACING, -1)
+        ways = range(worst, after), range(worst - 1, before, -1)
+        _follow(search, list(product(_start(search, coarse, worst), ways)), shelves)
 
 
 def _best_way(shelves: list[list[_Candidate]], yaw: FloatArray | None) -> list[_Candidate]:

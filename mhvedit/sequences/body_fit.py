@@ -52,11 +52,9 @@ def fit_body(
     if not len(cloud):
         return start, NOTHING_THERE
     rotations, pelvis, shape = start.rotations.copy(), start.pelvis.copy(), start.shape.copy()
-    ranges = np.stack([model.lower, model.upper, model.pull], axis=1)
-    chains = _ancestors(model.parents)
     energy = _iterate(
-        *(model.parents, model.offsets, model.cone_joint, model.cone_ends, model.cone_radii, model.centres, ranges),
-        *(chains, cloud, sigma, follow, rotations, pelvis, shape),
+        *(model.parents, model.offsets, model.cone_joint, model.cone_ends, model.cone_radii, model.centres),
+        *(model.ranges, model.chains, cloud, sigma, follow, rotations, pelvis, shape),
     )
     return BodyPose(rotations, pelvis, shape), float(energy)
 
@@ -66,17 +64,6 @@ def joint_places(model: BodyModel, pose: BodyPose) -> FloatArray:
     places = np.empty((len(model.parents), 3))
     _place(model.parents, model.offsets, pose.rotations, pose.pelvis, pose.shape, places)
     return places
-
-
-def _ancestors(parents: IntArray) -> IntArray:
-    """(J, depth) the joint and those that it hangs on, padded with -1."""
-    chains = np.full((len(parents), 8), -1)
-    for joint in range(len(parents)):
-        at, n = joint, 0
-        while at >= 0:
-            chains[joint, n] = at
-            at, n = int(parents[at]), n + 1
-    return chains
 
 
 @njit(cache=True, nogil=True)
@@ -104,9 +91,9 @@ def _place(
 def _cones(
     joints: IntArray, ends: FloatArray, radii: FloatArray, rotations: FloatArray, places: FloatArray, shape: FloatArray
 ) -> FloatArray:
-    """The cones in the world: (C, 8) end, end, radius, radius."""
+    """The cones in the world: (8, C) end, end, radius, radius."""
     scale, stout = np.exp(shape[0]), np.exp(shape[0] + shape[1])
-    cones = np.empty((len(joints), 8))
+    cones = np.empty((8, len(joints)))
     for c in range(len(joints)):
         j = joints[c]
         for e in range(2):
@@ -114,73 +101,73 @@ def _cones(
                 at = places[j, k]
                 for m in range(3):
                     at += scale * rotations[j, k, m] * ends[c, e, m]
-                cones[c, 3 * e + k] = at
-            cones[c, 6 + e] = stout * radii[c, e]
+                cones[3 * e + k, c] = at
+            cones[6 + e, c] = stout * radii[c, e]
     return cones
 
 
-@njit(cache=True, nogil=True)
-def _foot(cone: FloatArray, x: float, y: float, z: float) -> tuple[float, float]:
-    """Where a point falls on a cone's axis, 0 .. 1, and how far it is from there."""
-    ax, ay, az = cone[3] - cone[0], cone[4] - cone[1], cone[5] - cone[2]
-    bx, by, bz = x - cone[0], y - cone[1], z - cone[2]
-    along = (ax * bx + ay * by + az * bz) / max(ax * ax + ay * ay + az * az, 1e-12)
-    along = min(max(along, 0.0), 1.0)
-    bx, by, bz = bx - along * ax, by - along * ay, bz - along * az
-    return along, np.sqrt(bx * bx + by * by + bz * bz)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _explain(cloud: FloatArray, cones: FloatArray, chosen: IntArray, fits: FloatArray) -> None:
+    """For each point the cone that explains it best, its place on that axis, signed distance and squared misfit."""
+    n_cones = cones.shape[1]
+    along, far, gap = np.empty(n_cones), np.empty(n_cones), np.empty(n_cones)
+    for i in range(len(cloud)):
+        x, y, z = cloud[i, 0], cloud[i, 1], cloud[i, 2]
+        for c in range(n_cones):
+            ax, ay, az = cones[3, c] - cones[0, c], cones[4, c] - cones[1, c], cones[5, c] - cones[2, c]
+            bx, by, bz = x - cones[0, c], y - cones[1, c], z - cones[2, c]
+            at = (ax * bx + ay * by + az * bz) / max(ax * ax + ay * ay + az * az, 1e-12)
+            at = min(max(at, 0.0), 1.0)
+            bx, by, bz = bx - at * ax, by - at * ay, bz - at * az
+            along[c], far[c] = at, np.sqrt(bx * bx + by * by + bz * bz)
+            gap[c] = far[c] - cones[6, c] - at * (cones[7, c] - cones[6, c])
+        best, best_cost = 0, np.inf
+        for c in range(n_cones):
+            if gap[c] * gap[c] >= best_cost:
+                continue
+            facing = 0.0
+            for k in range(3):
+                facing += cloud[i, 3 + k] * (cloud[i, k] - cones[k, c] - along[c] * (cones[3 + k, c] - cones[k, c]))
+            cost = gap[c] * gap[c] + (WRONG_SIDE * (1.0 - facing / max(far[c], 1e-9))) ** 2
+            if cost < best_cost:
+                best, best_cost = c, cost
+        chosen[i], fits[i, 0], fits[i, 1], fits[i, 2] = best, along[best], gap[best], best_cost
 
 
 @njit(cache=True, nogil=True)
-def _nearest_cone(cones: FloatArray, point: FloatArray) -> tuple[int, float, float, float]:
-    """The cone that explains an oriented point best: its number, place on the axis, signed distance, squared misfit."""
-    best, best_along, best_gap, best_cost = 0, 0.0, 0.0, np.inf
-    for c in range(len(cones)):
-        cone = cones[c]
-        along, far = _foot(cone, point[0], point[1], point[2])
-        gap = far - cone[6] - along * (cone[7] - cone[6])
-        if gap * gap >= best_cost:
-            continue
-        facing = 0.0
-        for k in range(3):
-            facing += point[3 + k] * (point[k] - cone[k] - along * (cone[3 + k] - cone[k]))
-        cost = gap * gap + (WRONG_SIDE * (1.0 - facing / max(far, 1e-9))) ** 2
-        if cost < best_cost:
-            best, best_along, best_gap, best_cost = c, along, gap, cost
-    return best, best_along, best_gap, best_cost
-
-
-@njit(cache=True, nogil=True)
-def _add(
-    normal: FloatArray, at: FloatArray, radius: float, gap: float, weight: float, chain: IntArray, places: FloatArray,
-    scratch: tuple[FloatArray, IntArray], hessian: FloatArray, gradient: FloatArray,
+def _add_residuals(
+    residuals: FloatArray, riding: IntArray, chains: IntArray, places: FloatArray,
+    hessian: FloatArray, gradient: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the row of one residual `gap` = normal . (point - at) - radius, `at` riding on the chain of joints."""
-    row, index = scratch
-    n = 0
-    for k in range(3):
-        index[n], row[n] = k, -normal[k]
-        n += 1
-    for chain_at in range(len(chain)):
-        j = chain[chain_at]
-        if j < 0:
-            break
-        x, y, z = at[0] - places[j, 0], at[1] - places[j, 1], at[2] - places[j, 2]
-        index[n], row[n] = 3 + 3 * j, -(y * normal[2] - z * normal[1])
-        index[n + 1], row[n + 1] = 4 + 3 * j, -(z * normal[0] - x * normal[2])
-        index[n + 2], row[n + 2] = 5 + 3 * j, -(x * normal[1] - y * normal[0])
-        n += 3
-    grow = radius
-    for k in range(3):
-        grow += normal[k] * (at[k] - places[0, k])
+    """Add residuals `gap` = normal . (point - at) - radius, `at` riding on a chain of joints.
+
+    A row holds normal (3), at (3), radius, gap, weight.
+    """
     size = len(gradient)
-    index[n], row[n] = size - 2, -grow
-    index[n + 1], row[n + 1] = size - 1, -radius
-    n += 2
-    for a in range(n):
-        value = weight * row[a]
-        gradient[index[a]] += value * gap
-        for b in range(a + 1):
-            hessian[max(index[a], index[b]), min(index[a], index[b])] += value * row[b]
+    row, index = np.empty(size), np.empty(size, np.uint64)  # unsigned: none counts from the end
+    for r in range(len(residuals)):
+        nx, ny, nz = residuals[r, 0], residuals[r, 1], residuals[r, 2]
+        grow = radius = residuals[r, 6]
+        for k in range(3):
+            index[k], row[k] = k, -residuals[r, k]
+            grow += residuals[r, k] * (residuals[r, 3 + k] - places[0, k])
+        n = 3
+        for depth in range(chains.shape[1]):
+            j = chains[riding[r], depth]
+            if j < 0:
+                break
+            x, y, z = residuals[r, 3] - places[j, 0], residuals[r, 4] - places[j, 1], residuals[r, 5] - places[j, 2]
+            index[n], row[n] = 3 + 3 * j, -(y * nz - z * ny)
+            index[n + 1], row[n + 1] = 4 + 3 * j, -(z * nx - x * nz)
+            index[n + 2], row[n + 2] = 5 + 3 * j, -(x * ny - y * nx)
+            n += 3
+        index[n], row[n] = size - 2, -grow
+        index[n + 1], row[n + 1] = size - 1, -radius
+        for a in range(n + 2):
+            value = residuals[r, 8] * row[a]
+            gradient[index[a]] += value * residuals[r, 7]
+            for b in range(a + 1):
+                hessian[max(index[a], index[b]), min(index[a], index[b])] += value * row[b]
 
 
 @njit(cache=True, nogil=True)
@@ -189,24 +176,25 @@ def _add_surface(
     hessian: FloatArray, gradient: FloatArray,
 ) -> float:  # fmt: skip
     """Every surface point pulls the cone that explains it best; returns the mean robust squared misfit."""
-    scratch = (np.empty(40), np.empty(40, np.int64))
-    normal, at = np.empty(3), np.empty(3)
+    chosen, fits = np.empty(len(cloud), np.int64), np.empty((len(cloud), 3))
+    _explain(cloud, cones, chosen, fits)
+    residuals, riding = np.empty((len(cloud), 9)), np.empty(len(cloud), np.int64)
     energy, room = 0.0, sigma * sigma
     for i in range(len(cloud)):
-        c, along, gap, cost = _nearest_cone(cones, cloud[i])
-        cone = cones[c]
+        c, along, cost = chosen[i], fits[i, 0], fits[i, 2]
         share = room / (room + cost)
         energy += cloud[i, 6] * cost * share
         far = 1e-12
         for k in range(3):
-            at[k] = cone[k] + along * (cone[3 + k] - cone[k])
-            normal[k] = cloud[i, k] - at[k]
-            far += normal[k] * normal[k]
+            residuals[i, 3 + k] = cones[k, c] + along * (cones[3 + k, c] - cones[k, c])
+            residuals[i, k] = cloud[i, k] - residuals[i, 3 + k]
+            far += residuals[i, k] * residuals[i, k]
         for k in range(3):
-            normal[k] /= np.sqrt(far)
-        radius = cone[6] + along * (cone[7] - cone[6])
-        weight = cloud[i, 6] * share * share
-        _add(normal, at, radius, gap, weight, chains[joints[c]], places, scratch, hessian, gradient)
+            residuals[i, k] /= np.sqrt(far)
+        residuals[i, 6] = cones[6, c] + along * (cones[7, c] - cones[6, c])
+        residuals[i, 7], residuals[i, 8] = fits[i, 1], cloud[i, 6] * share * share
+        riding[i] = joints[c]
+    _add_residuals(residuals, riding, chains, places, hessian, gradient)
     return energy
 
 
@@ -216,32 +204,33 @@ def _add_support(
     hessian: FloatArray, gradient: FloatArray,
 ) -> float:  # fmt: skip
     """Every cone's axis wishes to lie inside the surface; returns what is left of the wishes."""
-    scratch = (np.empty(40), np.empty(40, np.int64))
-    at, normal = np.empty(3), np.empty(3)
-    energy, room = 0.0, sigma * sigma
-    share_each = SUPPORT_WEIGHT / (3 * len(cones))
-    for c in range(len(cones)):
+    residuals, riding = np.zeros((3 * len(joints), 9)), np.empty(3 * len(joints), np.int64)
+    points, squares = cloud[:, :3].T.copy(), np.empty(len(cloud))
+    energy, room, n = 0.0, sigma * sigma, 0
+    share_each = SUPPORT_WEIGHT / (3 * len(joints))
+    for c in range(len(joints)):
         for step in range(3):
             along = 0.5 * step
             for k in range(3):
-                at[k] = cones[c, k] + along * (cones[c, 3 + k] - cones[c, k])
-            best, nearest = np.inf, 0
+                residuals[n, 3 + k] = cones[k, c] + along * (cones[3 + k, c] - cones[k, c])
+            x, y, z = residuals[n, 3], residuals[n, 4], residuals[n, 5]
             for i in range(len(cloud)):
-                far = (cloud[i, 0] - at[0]) ** 2 + (cloud[i, 1] - at[1]) ** 2 + (cloud[i, 2] - at[2]) ** 2
-                if far < best:
-                    best, nearest = far, i
-            radius = SUPPORT * (cones[c, 6] + along * (cones[c, 7] - cones[c, 6]))
-            gap = radius
+                squares[i] = (points[0, i] - x) ** 2 + (points[1, i] - y) ** 2 + (points[2, i] - z) ** 2
+            nearest = 0
+            for i in range(1, len(cloud)):
+                if squares[i] < squares[nearest]:
+                    nearest = i
+            gap = SUPPORT * (cones[6, c] + along * (cones[7, c] - cones[6, c]))
             for k in range(3):
-                normal[k] = -cloud[nearest, 3 + k]
-                gap -= normal[k] * (at[k] - cloud[nearest, k])
+                residuals[n, k] = -cloud[nearest, 3 + k]
+                gap -= residuals[n, k] * (residuals[n, 3 + k] - cloud[nearest, k])
             if gap <= 0.0:
                 continue
             share = room / (room + gap * gap)
             energy += share_each * gap * gap * share
-            _add(
-                normal, at, 0.0, gap, share_each * share * share, chains[joints[c]], places, scratch, hessian, gradient
-            )
+            residuals[n, 7], residuals[n, 8], riding[n] = gap, share_each * share * share, joints[c]
+            n += 1
+    _add_residuals(residuals[:n], riding, chains, places, hessian, gradient)
     return energy
 
 

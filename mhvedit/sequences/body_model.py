@@ -26,9 +26,8 @@ class BodyModel:
     cone_ends: FloatArray  # (C, 2, 3) m, ends of the axis in the joint's frame
     cone_radii: FloatArray  # (C, 2) m
     centres: FloatArray  # (J, 3, 3) rotation in the parent from which the limits count
-    lower: FloatArray  # (J, 3) rad, limits of the rotation vector
-    upper: FloatArray  # (J, 3) rad
-    pull: FloatArray  # (J, 3) weight of the pull to the middle of the range
+    ranges: FloatArray  # (J, 3, 3) of the rotation vector: lower and upper limit, rad; weight of the pull to the middle
+    chains: IntArray  # (J, depth) each joint and those that it hangs on, padded with -1
 
 
 _JOINTS = (  # parent, position
@@ -109,20 +108,31 @@ def plain_adult() -> BodyModel:
     joint = np.array([cone[0] for cone in cones])
     ends = np.array([[cone[1], cone[2]] for cone in cones], np.float64) - places[joint][:, None]
     radii = np.array([[cone[3], cone[4]] for cone in cones])
-    centres, lower, upper, pull = _joint_ranges()
-    return BodyModel(parents, offsets, joint, ends, radii, centres, lower, upper, pull)
+    centres, ranges = _joint_ranges()
+    return BodyModel(parents, offsets, joint, ends, radii, centres, ranges, _chains(parents))
 
 
 def plain_head() -> BodyModel:
     """The head alone, with a nose: one joint, in the middle between the ears."""
     ends = np.array([[cone[0], cone[1]] for cone in _HEAD])
     radii = np.array([[cone[2], cone[3]] for cone in _HEAD])
-    still = np.zeros((1, 3))
-    joint = np.zeros(len(_HEAD), np.int64)
-    return BodyModel(np.array([-1]), still, joint, ends, radii, np.eye(3)[None], still, still, still)
+    parents, joint = np.array([-1]), np.zeros(len(_HEAD), np.int64)
+    still = np.zeros((1, 3, 3))
+    return BodyModel(parents, still[0, :1], joint, ends, radii, np.eye(3)[None], still, _chains(parents))
 
 
-def _joint_ranges() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _chains(parents: IntArray) -> IntArray:
+    """(J, depth) the joint and those that it hangs on, padded with -1."""
+    chains = np.full((len(parents), 8), -1)
+    for joint in range(len(parents)):
+        at, n = joint, 0
+        while at >= 0:
+            chains[joint, n] = at
+            at, n = int(parents[at]), n + 1
+    return chains
+
+
+def _joint_ranges() -> tuple[FloatArray, FloatArray]:
     """Middle rotations, limits and pulls of all joints; the right side is the left side's mirror image."""
     centres = np.tile(np.eye(3), (N_JOINTS, 1, 1))
     lower, upper, pull = (np.zeros((N_JOINTS, 3)) for _ in range(3))
@@ -135,4 +145,4 @@ def _joint_ranges() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
             centres[right] = rotation_from_vector(np.radians(middle) * flip)
             bounds = np.sort([lower[left] * flip, upper[left] * flip], axis=0)
             lower[right], upper[right], pull[right] = bounds[0], bounds[1], weight
-    return centres, lower, upper, pull
+    return centres, np.stack([lower, upper, pull], axis=1)

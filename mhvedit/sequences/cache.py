@@ -1,8 +1,6 @@
 """Converted copies of frames on disk, so that a second run does not parse text again."""
 
 import logging
-import os
-import threading
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -11,11 +9,12 @@ from typing import Final
 
 import numpy as np
 
+from mhvedit.files import replacing
 from mhvedit.sequences.raw import RawMesh
 
 VERSION: Final = 1  # of the file format and of what the parsers make of a file; part of every key
 _log = logging.getLogger(__name__)
-_DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
 
 
 def cached_mesh(folder: Path, key: str, build: Callable[[], RawMesh]) -> RawMesh:
@@ -55,11 +54,6 @@ def _read(file: Path) -> RawMesh:
 def _write(file: Path, mesh: RawMesh) -> None:
     """Store a mesh: all of it or nothing."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    beside = file.parent / f".{file.stem}.{os.getpid()}.{threading.get_ident()}.tmp"
     labels = np.zeros(0, np.int32) if mesh.labels is None else mesh.labels
-    try:
-        with beside.open("wb") as out:
-            np.savez(out, allow_pickle=False, vertices=mesh.vertices, faces=mesh.faces, labels=labels)
-        os.replace(beside, file)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(file) as beside, beside.open("wb") as out:
+        np.savez(out, allow_pickle=False, vertices=mesh.vertices, faces=mesh.faces, labels=labels)

@@ -4,6 +4,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import apply_pose, invert
+from mhvedit.sequences.areas import area_shares
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 
 
@@ -19,13 +20,10 @@ def capture_from_canonical(sequence: MeshSequence) -> FloatArray:
     Returns:
         (3,) x, y m and yaw rad.
     """
-    mesh = sequence.mesh(sequence.numbers[0])
-    corners = mesh.vertices[mesh.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    centres = corners.mean(1)[:, :2]
-    weights = area / area.sum()
-    origin = weights @ centres
-    offset = centres - origin
+    weights, middles = area_shares(sequence.mesh(sequence.numbers[0]))
+    middles = middles[:, :2]
+    origin = weights @ middles
+    offset = middles - origin
     axis = np.linalg.eigh((offset * weights[:, None]).T @ offset)[1][:, 1]
     if weights @ (offset @ axis) ** 3 < 0:
         axis = -axis

@@ -12,7 +12,7 @@ SMOOTHING = 0.04  # s, standard deviation of the smoothing over time
 MISFIT_SCALE = 7e-4  # m^2, misfit at which the trust has halved
 
 
-def estimate_facing(sequence: MeshSequence) -> Facing:
+def estimate_facing(sequence: MeshSequence, *, workers: int = 1) -> Facing:
     """Which way the body faces in every frame: the horizontal normal of hips and shoulders.
 
     A plain adult made of round cones is laid into each frame's surface (see `bodies`); the estimate turns with the
@@ -20,8 +20,9 @@ def estimate_facing(sequence: MeshSequence) -> Facing:
 
     Args:
         sequence: the capture, in metres and z up.
+        workers: threads; the result does not depend on it.
     """
-    return facing_of_body(track_body(sequence), fps=sequence.fps)
+    return facing_of_body(track_body(sequence, workers=workers), fps=sequence.fps)
 
 
 def facing_of_body(body: BodyTrack, *, fps: float) -> Facing:

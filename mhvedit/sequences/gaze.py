@@ -3,6 +3,8 @@
 The eyes themselves can't be seen in a mesh: the direction is the one the face points to.
 """
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
@@ -25,26 +27,29 @@ HEAD_SIGMA = np.r_[np.full(4, 0.04), np.full(6, 0.025)]  # m, distances beyond w
 SMOOTHING = 0.06  # s, standard deviation of the smoothing over time
 
 
-def estimate_gaze(sequence: MeshSequence, facing: Facing) -> Gaze:
+def estimate_gaze(sequence: MeshSequence, facing: Facing, *, workers: int = 1) -> Gaze:
     """Midpoint of the eyes and the direction of the face in every frame.
 
     Args:
         sequence: the capture, in metres and z up.
         facing: which way the body faces, estimated or given; the head is looked for on that body.
+        workers: threads; the result does not depend on it.
     """
-    return gaze_of_body(sequence, track_body(sequence, yaw=facing.yaw))
+    return gaze_of_body(sequence, track_body(sequence, yaw=facing.yaw, workers=workers), workers=workers)
 
 
-def gaze_of_body(sequence: MeshSequence, body: BodyTrack) -> Gaze:
+def gaze_of_body(sequence: MeshSequence, body: BodyTrack, *, workers: int = 1) -> Gaze:
     """The gaze of a body that was tracked already.
 
     Args:
         sequence: the capture, in metres and z up.
         body: the body that was tracked in it.
+        workers: threads; the result does not depend on it.
     """
-    eye, front = np.empty((len(body.numbers), 3)), np.empty((len(body.numbers), 3))
-    for at, number in enumerate(sequence.numbers):
-        eye[at], front[at] = _look_at_head(sequence.mesh(number), body, at)
+    head = plain_head()
+    with ThreadPoolExecutor(workers) as pool:
+        seen = list(pool.map(lambda at: _look_at_head(sequence, head, body, at), range(len(body.numbers))))
+    eye, front = np.array(seen).swapaxes(0, 1)
     if len(front) > 1:
         front = gaussian_filter1d(front, SMOOTHING * sequence.fps, axis=0, mode="nearest")
     return Gaze(body.numbers, eye, front / np.linalg.norm(front, axis=1, keepdims=True))
@@ -73,8 +78,9 @@ def gaze_from_tracks(eye: JointTracks, target: JointTracks) -> Gaze:
     return Gaze(numbers, start, step / length[:, None])
 
 
-def _look_at_head(mesh: Mesh, body: BodyTrack, at: int) -> tuple[FloatArray, FloatArray]:
+def _look_at_head(sequence: MeshSequence, model: BodyModel, body: BodyTrack, at: int) -> tuple[FloatArray, FloatArray]:
     """Eyes (3,) m and front (3,) of the head in one frame: the plain head laid into the surface around the skull."""
+    mesh = sequence.mesh(sequence.numbers[at])
     size, axes = float(body.size[at]), body.head[at]
     skull = body.places[at, NECK] + size * axes @ SKULL
     start = BodyPose(axes[None], skull, np.array([np.log(size), 0.0]))
@@ -89,7 +95,7 @@ def _look_at_head(mesh: Mesh, body: BodyTrack, at: int) -> tuple[FloatArray, Flo
         return skull + size * axes @ EYES, axes[:, 0]
     cloud[:, 6] /= cloud[:, 6].sum()
     own = BodyPose(capture_turn.T @ start.rotations, centre, start.shape)
-    best = _best_glance(plain_head(), cloud, own)
+    best = _best_glance(model, cloud, own)
     eyes = best.pelvis + np.exp(best.shape[0]) * best.rotations[0] @ EYES
     return skull + capture_turn @ (eyes - centre), capture_turn @ best.rotations[0][:, 0]
 

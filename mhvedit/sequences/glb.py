@@ -15,10 +15,10 @@ from mhvedit.sequences.raw import RawMesh, checked_mesh
 
 Json = dict[str, Any]
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC3": 3}
-_DRACO = "KHR_draco_mesh_compression"
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+DRACO = "KHR_draco_mesh_compression"
 _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_")  # extensions that do not touch the mesh
-_READ = {_DRACO, "KHR_mesh_quantization"}
+_READ = {DRACO, "KHR_mesh_quantization"}
 
 
 def parse_glb(data: bytes, path: Path) -> RawMesh:
@@ -33,14 +33,14 @@ def parse_glb(data: bytes, path: Path) -> RawMesh:
     Raises:
         CaptureError: not a .glb of version 2, or one that needs an extension that is not read here.
     """
-    head, binary = _chunks(data, path)
+    head, binary = read_chunks(data, path)
     needed = [x for x in head.get("extensionsRequired", []) if x not in _READ and not x.startswith(_LOOKS)]
     if needed:
         raise CaptureError(path, "a .glb without " + ", ".join(needed), "one that needs it")
     vertices, faces, total = list[NDArray[np.floating]](), list[IntArray](), 0
-    for matrix, mesh in _placed_meshes(head):
+    for matrix, mesh in placed_meshes(head):
         for primitive in head["meshes"][mesh]["primitives"]:
-            points, triangles = _primitive(head, binary, primitive)
+            points, triangles = read_primitive(head, binary, primitive)
             flip = np.linalg.det(matrix[:3, :3]) < 0
             vertices.append(_moved(points, matrix))
             faces.append((triangles[:, ::-1] if flip else triangles) + total)
@@ -50,8 +50,8 @@ def parse_glb(data: bytes, path: Path) -> RawMesh:
     return checked_mesh(path, np.concatenate(vertices), np.concatenate(faces))
 
 
-def _chunks(data: bytes, path: Path) -> tuple[Json, bytes]:
-    """The JSON and the binary chunk."""
+def read_chunks(data: bytes, path: Path) -> tuple[Json, bytes]:
+    """The JSON and the binary chunk of a .glb file."""
     if data[:4] != b"glTF" or len(data) < 20 or struct.unpack_from("<I", data, 4)[0] != 2:
         raise CaptureError(path, "a .glb file of glTF 2", repr(data[:8]))
     size = struct.unpack_from("<I", data, 12)[0]
@@ -59,7 +59,7 @@ def _chunks(data: bytes, path: Path) -> tuple[Json, bytes]:
     return head, data[20 + size + 8 :]
 
 
-def _placed_meshes(head: Json) -> list[tuple[FloatArray, int]]:
+def placed_meshes(head: Json) -> list[tuple[FloatArray, int]]:
     """(world matrix, mesh index) of every node of the default scene that has a mesh."""
     nodes = head.get("nodes", [])
     scenes = head.get("scenes", [])
@@ -101,16 +101,16 @@ def _moved(points: NDArray[np.floating], matrix: FloatArray) -> NDArray[np.float
     return points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _primitive(head: Json, binary: bytes, primitive: Json) -> tuple[NDArray[np.floating], IntArray]:
+def read_primitive(head: Json, binary: bytes, primitive: Json) -> tuple[NDArray[np.floating], IntArray]:
     """Positions and triangles of one primitive; points and lines have none."""
-    if _DRACO in primitive.get("extensions", {}):
-        view = head["bufferViews"][primitive["extensions"][_DRACO]["bufferView"]]
+    if DRACO in primitive.get("extensions", {}):
+        view = head["bufferViews"][primitive["extensions"][DRACO]["bufferView"]]
         start = view.get("byteOffset", 0)
         mesh = DracoPy.decode(binary[start : start + view["byteLength"]])
         return np.asarray(mesh.points).reshape(-1, 3), np.asarray(mesh.faces, np.int64).reshape(-1, 3)
-    points = _accessor(head, binary, primitive["attributes"]["POSITION"])
+    points = read_accessor(head, binary, primitive["attributes"]["POSITION"])
     if "indices" in primitive:
-        corners = _accessor(head, binary, primitive["indices"]).reshape(-1).astype(np.int64)
+        corners = read_accessor(head, binary, primitive["indices"]).reshape(-1).astype(np.int64)
     else:
         corners = np.arange(len(points))
     return points, _triangles(corners, primitive.get("mode", 4))
@@ -129,7 +129,7 @@ def _triangles(corners: IntArray, mode: int) -> IntArray:
     return np.zeros((0, 3), np.int64)
 
 
-def _accessor(head: Json, binary: bytes, index: int) -> NDArray[Any]:
+def read_accessor(head: Json, binary: bytes, index: int) -> NDArray[Any]:
     """(count, width) values; normalised integers become floats."""
     accessor = head["accessors"][index]
     kind, width, count = np.dtype(_KINDS[accessor["componentType"]]), _WIDTHS[accessor["type"]], accessor["count"]

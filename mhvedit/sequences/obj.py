@@ -1,25 +1,25 @@
-"""Wavefront OBJ: positions and polygons, read with array operations only; pictures and materials are only named."""
+"""Wavefront OBJ: positions and polygons; pictures and materials are only named."""
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mhvedit.errors import CaptureError
-from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from mhvedit.sequences.raw import RawMesh, checked_mesh, triangulate
+from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.sequences.obj_scan import BAD_CORNER, FEW_COORDINATES, FEW_CORNERS, SOUND, UNUSED, Scan, scan_obj
+from mhvedit.sequences.raw import RawMesh, checked_mesh
 
-_NEWLINE, _TAB, _SPACE, _SLASH = 10, 9, 32, 47
-_BLANK = bytes.maketrans(b"vf\t\r\n", b"     ")
+ROOM = 64  # odd numbers that a file may hold before it is read twice
+SHOWN = 80  # characters of a bad line in a message
 
 
 def parse_obj(data: bytes, path: Path) -> RawMesh:
     """Read `v` and `f` lines: vertices keep the order and number of the file, polygons become fans.
 
-    Texture coordinates, normals, colours after the position, groups and materials are passed over. Negative
-    indices count back from the line they stand in.
+    Numbers are those of Python's `float`, to the last bit. Texture coordinates, normals, colours after the position,
+    groups and materials are passed over. Negative indices count back from the line they stand in.
 
     Args:
         data: the whole file.
@@ -28,93 +28,51 @@ def parse_obj(data: bytes, path: Path) -> RawMesh:
     Raises:
         CaptureError: a line that is not as the format says, or a mesh that cannot be used.
     """
-    text = np.frombuffer(_plain_lines(data), np.uint8)
-    ends = np.flatnonzero(text == _NEWLINE)
-    starts = np.r_[0, ends[:-1] + 1] if len(ends) else ends
-    blank_next = np.isin(text[np.minimum(starts + 1, len(text) - 1)], (_SPACE, _TAB)) if len(ends) else starts > 0
-    is_vertex = (text[starts] == ord("v")) & blank_next
-    is_face = (text[starts] == ord("f")) & blank_next
-    lengths = ends + 1 - starts
-    vertices = _vertices(text[np.repeat(is_vertex, lengths)], lengths[is_vertex], path)
-    corners, sizes = _corners(text[np.repeat(is_face, lengths)], lengths[is_face], path)
-    seen = np.repeat(np.cumsum(is_vertex)[is_face], sizes)
-    if (corners == 0).any():
-        raise CaptureError(path, "face indices counted from 1", "index 0")
-    return checked_mesh(path, vertices, triangulate(np.where(corners < 0, seen + corners, corners - 1), sizes))
+    text = np.frombuffer(data + b"\n\n", np.uint8)
+    # for the shortest lines, "v 0 0 0" and "f 1 1 1"; what is not written to takes no memory
+    vertices, triangles = np.empty((len(text) // 7, 3)), np.empty((len(text) // 2, 3), np.int64)
+    odd = np.empty((ROOM, 4), np.int64)
+    scan = scan_obj(text, vertices, triangles, odd)
+    if scan.n_odd > ROOM:
+        odd = np.empty((scan.n_odd, 4), np.int64)
+        scan = scan_obj(text, vertices, triangles, odd)
+    _read_odd(data, odd[: scan.n_odd], vertices.reshape(-1), path)
+    _check_lines(data, scan, path)
+    return checked_mesh(path, vertices[: scan.n_vertices].copy(), triangles[: scan.n_triangles])
 
 
-def _plain_lines(data: bytes) -> bytes:
-    """The same text with joined continuation lines, without comments and indentation, ending in a newline."""
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if b"\\\n" in data:
-        data = data.replace(b"\\\n", b" ")
-    if b"#" in data:
-        data = re.sub(rb"#[^\n]*", b"", data)
-    if b"\n " in data or b"\n\t" in data or data[:1] in (b" ", b"\t"):
-        data = re.sub(rb"(?m)^[ \t]+", b"", data)
-    return data if data.endswith(b"\n") else data + b"\n"
+def _read_odd(data: bytes, odd: IntArray, values: FloatArray, path: Path) -> None:
+    """Read the numbers that the scan left out: very long or very small ones, nan, inf, and what is no number."""
+    for place, start, stop, line in odd.tolist():
+        word = data[start:stop]
+        try:
+            value = float(word.replace(b"_", b"?"))  # Python's digits may be grouped, those of a file may not
+        except ValueError:
+            raise CaptureError(path, "numbers after v and f", _shown(data, line)) from None
+        if place != UNUSED:
+            values[place] = value
 
 
-def _vertices(text: ByteArray, lengths: IntArray, path: Path) -> FloatArray:
-    """(V, 3) positions from the `v` lines alone."""
-    values, sizes = _numbers(text, lengths, np.dtype(np.float64), path)
-    if len(sizes) and sizes.min() < 3:
-        raise CaptureError(path, "three coordinates a vertex", f"{sizes.min()} at vertex {int(sizes.argmin()) + 1}")
-    first = np.cumsum(sizes) - sizes
-    return np.asarray(values[first[:, None] + np.arange(3)], np.float64)
+def _check_lines(data: bytes, scan: Scan, path: Path) -> None:
+    """Say what the scan stopped at, if it did.
+
+    Raises:
+        CaptureError: the line, what it should hold and what it does.
+    """
+    if scan.fault == SOUND:
+        return
+    if scan.fault == FEW_COORDINATES:
+        raise CaptureError(path, "three coordinates a vertex", f"{scan.n_words} at vertex {scan.n_vertices}")
+    if scan.fault == FEW_CORNERS:
+        raise CaptureError(path, "three corners a face", f"{scan.n_words} at face {scan.n_faces}")
+    if scan.fault == BAD_CORNER:
+        raise CaptureError(path, "numbers after v and f", _shown(data, scan.line))
+    raise CaptureError(path, "face indices counted from 1", f"index 0 at face {scan.n_faces}")
 
 
-def _corners(text: ByteArray, lengths: IntArray, path: Path) -> tuple[IntArray, IntArray]:
-    """Vertex indices as written (from 1, or negative) and corners per polygon, from the `f` lines alone."""
-    slash = text == _SLASH
-    if slash.any():  # of `vertex/texture/normal` only what stands before the first slash
-        place = np.arange(len(text), dtype=np.int32)
-        last_blank = np.maximum.accumulate(np.where(text <= _SPACE, place, -1))
-        last_slash = np.maximum.accumulate(np.where(slash, place, -1))
-        keep = last_blank >= last_slash
-        text, lengths = text[keep], _per_line(keep, lengths)
-    values, sizes = _numbers(text, lengths, np.dtype(np.int64), path)
-    if len(sizes) and sizes.min() < 3:
-        raise CaptureError(path, "three corners a face", f"{sizes.min()} at face {int(sizes.argmin()) + 1}")
-    return np.asarray(values, np.int64), sizes
-
-
-def _numbers(
-    text: ByteArray, lengths: IntArray, dtype: np.dtype[np.generic], path: Path
-) -> tuple[NDArray[np.generic], IntArray]:
-    """All numbers of some lines and how many each line has; the first character of a line is its keyword."""
-    filled = text > _SPACE
-    opens = filled.copy()
-    opens[1:] &= ~filled[:-1]
-    sizes = _per_line(opens, lengths) - 1
-    plain = text.tobytes().translate(_BLANK)
-    try:
-        values = np.fromstring(plain.decode("ascii"), dtype, sep=" ")
-    except (ValueError, DeprecationWarning):
-        values = np.zeros(0, dtype)
-    if len(values) != sizes.sum():
-        raise CaptureError(path, "numbers after v and f", _first_bad(text, dtype))
-    return values, sizes
-
-
-def _per_line(marks: BoolArray, lengths: IntArray) -> IntArray:
-    """How many characters of each line are marked."""
-    if not len(lengths):
-        return lengths
-    return np.add.reduceat(marks, np.cumsum(lengths) - lengths, dtype=np.int64)
-
-
-def _first_bad(text: ByteArray, dtype: np.dtype[np.generic]) -> str:
-    """The first line with something that is not a number."""
-    number = int if dtype.kind == "i" else float
-    for line in text.tobytes().decode("ascii", "replace").splitlines():
-        for word in line.split()[1:]:
-            try:
-                number(word)
-            except ValueError:
-                return repr(line.strip()[:80])
-    return "text that cannot be read"
+def _shown(data: bytes, line: int) -> str:
+    """A line as a person reads it, without what is joined to it."""
+    return repr(re.split(rb"[\r\n#]", data[line : line + SHOWN], maxsplit=1)[0].decode("ascii", "replace").strip())
 
 
 @dataclass(frozen=True, slots=True)

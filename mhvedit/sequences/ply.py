@@ -205,3 +205,24 @@ def _text_lists(element: _Element, rows: list[str], lists: Lists, path: Path) ->
     for name, found in parts.items():
         flat = np.array([x for values in found for x in values], np.float64).astype(kinds[name])
         lists[f"{element.name}.{name}"] = flat, np.array([len(values) for values in found], np.int64)
+
+
+def ply_colours(data: bytes, path: Path) -> tuple[NDArray[np.float64] | None, int]:
+    """(V, 3) red, green, blue of the vertices, 0 .. 1, where the file has them, and the number of triangles.
+
+    Args:
+        data: the whole file.
+        path: where it came from, for messages.
+
+    Raises:
+        CaptureError: a header or body that is not as the format says.
+    """
+    order, elements, body = _header(data, path)
+    vertex = next((e for e in elements if e.name == "vertex"), _Element("vertex", 0, ()))
+    if not {"red", "green", "blue"} <= {p.name for p in vertex.properties}:
+        return None, 0
+    columns, lists = _text_body(body, elements, path) if not order else _binary_body(body, elements, order, path)
+    sizes = next((lists[f"face.{name}"][1] for name in _CORNERS if f"face.{name}" in lists), np.zeros(0, np.int64))
+    stored = [columns[f"vertex.{name}"] for name in ("red", "green", "blue")]
+    most = float(np.iinfo(stored[0].dtype.str).max) if stored[0].dtype.kind in "iu" else 1.0
+    return np.stack(stored, 1).astype(np.float64) / most, int((sizes - 2).sum())

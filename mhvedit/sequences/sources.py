@@ -3,9 +3,10 @@
 import hashlib
 import re
 import threading
+import time
 import zipfile
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import IntArray
 from mhvedit.sequences.formats import PARSERS, parse_mesh
 from mhvedit.sequences.raw import RawMesh, checked_mesh
+
+SETTLED: Final = 2_000_000_000  # ns; a file that changed so recently may change again without another time of change
+_Stamp = tuple[int, int, int, int]  # size, times of change of content and of the file (ns), inode
 
 
 class FrameSource(Protocol):
@@ -39,27 +43,47 @@ class FrameSource(Protocol):
 
 
 class FolderSource:
-    """A folder of numbered mesh files."""
+    """A folder of numbered mesh files; a file that has not changed since is not hashed again."""
 
     fps = None
 
     def __init__(self, folder: Path) -> None:
         self._by_number = numbered_files(folder)
+        self._known = dict[int, tuple[_Stamp, str]]()
         self.numbers = tuple(self._by_number)
         self.files = tuple(self._by_number.values())
 
-    def opened(self, number: int) -> tuple[str, bytes]:
-        """A hash of the file's content and format, and the content."""
+    def opened(self, number: int) -> tuple[str, bytes | None]:
+        """A hash of the file's content and format, and the content if it was read for that."""
+        try:
+            stat = self._by_number[number].stat()
+        except OSError as error:
+            raise CaptureError(self._by_number[number], "a file that can be read", str(error.strerror)) from error
+        stamp = (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
+        known = self._known.get(number)
+        if known is not None and known[0] == stamp:
+            return known[1], None
+        identity, data = self._read(number)
+        if time.time_ns() - max(stat.st_mtime_ns, stat.st_ctime_ns) > SETTLED:
+            self._known[number] = stamp, identity
+        return identity, data
+
+    def parsed(self, number: int, opened: bytes | None) -> RawMesh:
+        """The mesh of one file."""
+        if opened is None:
+            identity, opened = self._read(number)
+            if identity != self._known[number][1]:
+                raise CaptureError(self._by_number[number], "a file that stays as it is while it is read", "a change")
+        return parse_mesh(opened, self._by_number[number])
+
+    def _read(self, number: int) -> tuple[str, bytes]:
+        """Hash and content."""
         file = self._by_number[number]
         try:
             data = file.read_bytes()
         except OSError as error:
             raise CaptureError(file, "a file that can be read", str(error.strerror)) from error
         return f"{file.suffix.lower()}:{hashlib.blake2b(data, digest_size=20).hexdigest()}", data
-
-    def parsed(self, number: int, opened: bytes) -> RawMesh:
-        """The mesh of one file."""
-        return parse_mesh(opened, self._by_number[number])
 
 
 def numbered_files(folder: Path) -> dict[int, Path]:

@@ -8,6 +8,7 @@ from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import apply_pose
+from mhvedit.sequences.areas import area_shares
 from mhvedit.sequences.meshes import Mesh
 
 DIGITS = 8  # coordinates are rounded so that float noise from turning a capture decides nothing further on
@@ -56,12 +57,10 @@ def own_frame(mesh: Mesh) -> FloatArray:
     Returns:
         (3,) own_from_capture: centre of area to the origin, longest horizontal axis to x, its longer tails to +x.
     """
-    corners = mesh.vertices[mesh.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    if not area.sum() > 0:
+    share, middles = area_shares(mesh)
+    if not share.any():
         return np.zeros(3)
-    share = area / area.sum()
-    flat = corners.mean(1)[:, :2]
+    flat = middles[:, :2]
     centre = share @ flat
     flat = flat - centre
     spread = (share[:, None] * flat).T @ flat
@@ -96,28 +95,54 @@ def _add_faces(
 ) -> float:
     """Add area times centre, area vector and area of each small triangle to its cell; returns the signed volume."""
     volume = 0.0
-    centre, area = np.empty(3), np.empty(3)
+    area = np.empty(3)
     for f in range(len(faces)):
-        a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
-        edge = max(((a - b) ** 2).sum(), ((b - c) ** 2).sum(), ((c - a) ** 2).sum())
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        edge = max(_square(points, a, b), _square(points, b, c), _square(points, c, a))
         n = max(1, int(np.ceil(np.sqrt(edge) / cell)))  # n^2 equal triangles
         for k in range(3):
             i, m = (k + 1) % 3, (k + 2) % 3
-            area[k] = 0.5 * ((b[i] - a[i]) * (c[m] - a[m]) - (b[m] - a[m]) * (c[i] - a[i]))
-            volume += area[k] * (a[k] - points[0, k])
-        area /= n * n
-        size = np.sqrt((area * area).sum())
+            area[k] = 0.5 * (
+                (points[b, i] - points[a, i]) * (points[c, m] - points[a, m])
+                - (points[b, m] - points[a, m]) * (points[c, i] - points[a, i])
+            )
+            volume += area[k] * (points[a, k] - points[0, k])
+        for k in range(3):
+            area[k] /= n * n
+        size = np.sqrt(area[0] * area[0] + area[1] * area[1] + area[2] * area[2])
         for row in range(n):
             for column in range(2 * (n - row) - 1):
                 odd = column % 2
                 u, v = (column // 2 + (1.0 + odd) / 3.0) / n, (row + (1.0 + odd) / 3.0) / n
-                place = 0
+                x = _inside(points[a, 0], points[b, 0], points[c, 0], u, v)
+                y = _inside(points[a, 1], points[b, 1], points[c, 1], u, v)
+                z = _inside(points[a, 2], points[b, 2], points[c, 2], u, v)
+                place = _cell(x, cell, first[0], shape[0])
+                place = place * shape[1] + _cell(y, cell, first[1], shape[1])
+                place = place * shape[2] + _cell(z, cell, first[2], shape[2])
+                sums[place, 0] += size * x
+                sums[place, 1] += size * y
+                sums[place, 2] += size * z
                 for k in range(3):
-                    centre[k] = a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])
-                    at = int(np.floor(centre[k] / cell + 0.5)) - first[k]
-                    place = place * shape[k] + min(max(at, 0), shape[k] - 1)
-                for k in range(3):
-                    sums[place, k] += size * centre[k]
                     sums[place, 3 + k] += area[k]
                 sums[place, 6] += size
     return volume
+
+
+@njit(cache=True, nogil=True)
+def _square(points: FloatArray, a: int, b: int) -> float:
+    """Squared distance of two points."""
+    x, y, z = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1], points[a, 2] - points[b, 2]
+    return float(x * x + y * y + z * z)
+
+
+@njit(cache=True, nogil=True)
+def _inside(a: float, b: float, c: float, u: float, v: float) -> float:
+    """One coordinate of the point of a triangle that lies u along one edge and v along the other."""
+    return a + u * (b - a) + v * (c - a)
+
+
+@njit(cache=True, nogil=True)
+def _cell(at: float, cell: float, first: int, limit: int) -> int:
+    """Number of the cell along one axis."""
+    return min(max(int(np.floor(at / cell + 0.5)) - first, 0), limit - 1)

@@ -2,13 +2,13 @@
 
 import csv
 import math
-import os
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from mhvedit.errors import CaptureError
+from mhvedit.files import replacing
 from mhvedit.sequences.axes import check_axes, from_metres_z_up, to_metres_z_up
 from mhvedit.sequences.meshes import JointTracks
 
@@ -98,13 +98,8 @@ def write_tracks(tracks: JointTracks, path: Path | str, *, units: str = "m", up:
     path = Path(path)
     points = from_metres_z_up(tracks.positions, units=units, up=up)
     known = np.isfinite(points).all(-1)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("w", newline="", encoding="utf-8") as file:
-            out = csv.writer(file, lineterminator="\n")
-            out.writerow(COLUMNS)
-            for t, j in zip(*np.nonzero(known), strict=True):
-                out.writerow([int(tracks.numbers[t]), tracks.joints[j], *map(float, points[t, j])])
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(COLUMNS)
+        for t, j in zip(*np.nonzero(known), strict=True):
+            out.writerow([int(tracks.numbers[t]), tracks.joints[j], *map(float, points[t, j])])

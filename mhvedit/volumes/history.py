@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from mhvedit.errors import ShapeError
-from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
+from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.grid import VoxelGrid, ball_offsets, cropped, united
 
 NEVER = -1  # t_start and t_end of a voxel that is never filled
@@ -94,7 +94,7 @@ def history(volumes: Sequence[tuple[VoxelGrid, BoolArray]]) -> MotionHistoryVolu
     frames = np.zeros((*grid.shape, word_count(len(volumes))), np.uint64)
     for i, (box, (outer, filled)) in enumerate(zip(boxes, volumes, strict=True)):
         if filled.any():
-            inside = np.ascontiguousarray(filled[box.slices_in(outer)])
+            inside = filled[box.slices_in(outer)].view(np.uint8)
             _set_bit(frames[box.slices_in(grid)], inside, i // 64, np.uint64(1) << np.uint64(i % 64))
     return MotionHistoryVolume(grid, frames, len(volumes))
 
@@ -188,12 +188,16 @@ def _where_both(a: MotionHistoryVolume, b: MotionHistoryVolume, *, invert: bool)
 
 
 @njit(cache=True, nogil=True)
-def _set_bit(frames: Words, filled: BoolArray, word: int, bit: np.uint64) -> None:
+def _set_bit(frames: Words, filled: ByteArray, word: int, bit: np.uint64) -> None:
     for x in range(filled.shape[0]):
         for y in range(filled.shape[1]):
+            some = np.uint8(0)  # most columns are empty
             for z in range(filled.shape[2]):
-                if filled[x, y, z]:
-                    frames[x, y, z, word] |= bit
+                some |= filled[x, y, z]
+            if some != 0:
+                for z in range(filled.shape[2]):
+                    if filled[x, y, z] != 0:
+                        frames[x, y, z, word] |= bit
 
 
 @njit(cache=True, nogil=True)

@@ -1,17 +1,20 @@
 """Everything solid about one subject in one key segment: body, things held, and the named parts of them."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.sequences.canonical import in_canonical_frame
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.volumes.history import MotionHistoryVolume, difference, eroded, history, intersection, union
-from mhvedit.volumes.parts import OwnMesh, Part, select_voxels
+from mhvedit.volumes.parts import OwnMesh, Part, Selection, select_voxels
 from mhvedit.volumes.voxelise import solid_voxels
 
 BODY = "body"
+Filled = tuple[VoxelGrid, BoolArray]  # a frame's box, and (X, Y, Z) which of its voxels are filled
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +46,7 @@ def subject_volumes(
     pose: FloatArray,
     pitch: float,
     wanted: frozenset[str],
+    workers: int = 1,
 ) -> SubjectVolumes:
     """Voxelise one subject in the frames of one segment.
 
@@ -53,25 +57,40 @@ def subject_volumes(
         pose: (3,) capture_from_canonical.
         pitch: voxel size, m.
         wanted: names of the parts to cut out.
+        workers: threads; the result does not depend on it.
     """
     own = {name: part.sequence for name, part in parts.items() if isinstance(part, OwnMesh)}
     cut = {name: part for name, part in parts.items() if name in wanted and not isinstance(part, OwnMesh)}
-    frames: list[tuple[VoxelGrid, BoolArray]] = []
-    selected: dict[str, list[tuple[VoxelGrid, BoolArray]]] = {name: [] for name in cut}
-    for number in numbers:
-        mesh = sequence.mesh(number)
-        grid, filled = solid_voxels(in_canonical_frame(mesh, pose), pitch)
-        frames.append((grid, filled))
-        for name, part in cut.items():
-            chosen = select_voxels(part, grid, filled, mesh=mesh, number=number, pose=pose)
-            selected[name].append((grid, chosen))
-    solids = {BODY: history(frames)}
-    for name, thing in own.items():
-        solids[name] = history([solid_voxels(in_canonical_frame(thing.mesh(n), pose), pitch) for n in numbers])
+    cutting = partial(_cut_frame, sequence, cut, pose, pitch)
+    with ThreadPoolExecutor(workers) as pool:
+        frames = list(pool.map(cutting, numbers))
+        things = {
+            name: list(pool.map(partial(_fill_frame, thing, pose, pitch), numbers)) for name, thing in own.items()
+        }
+    solids = {BODY: history([body for body, _ in frames])}
+    solids |= {name: history(filled) for name, filled in things.items()}
     volumes = {BODY: PartVolume(solids[BODY], BODY)}
-    volumes |= {name: PartVolume(history(chosen), BODY) for name, chosen in selected.items()}
+    volumes |= {name: PartVolume(history([chosen[name] for _, chosen in frames]), BODY) for name in cut}
     volumes |= {name: PartVolume(solids[name], name) for name in own}
     return SubjectVolumes(solids, volumes)
+
+
+def _cut_frame(
+    sequence: MeshSequence, parts: Mapping[str, Selection], pose: FloatArray, pitch: float, number: int
+) -> tuple[Filled, dict[str, Filled]]:
+    """The body's voxels in one frame, and those of its parts."""
+    mesh = sequence.mesh(number)
+    grid, filled = solid_voxels(in_canonical_frame(mesh, pose), pitch)
+    chosen = {
+        name: (grid, select_voxels(part, grid, filled, mesh=mesh, number=number, pose=pose))
+        for name, part in parts.items()
+    }
+    return (grid, filled), chosen
+
+
+def _fill_frame(sequence: MeshSequence, pose: FloatArray, pitch: float, number: int) -> Filled:
+    """The voxels of a thing in one frame."""
+    return solid_voxels(in_canonical_frame(sequence.mesh(number), pose), pitch)
 
 
 def part_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:

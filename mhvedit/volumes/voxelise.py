@@ -13,13 +13,17 @@ through an edge or a corner counts for exactly one of the triangles that meet th
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.grid import VoxelGrid, grid_around
+from mhvedit.sequences.areas import bounds
 from mhvedit.sequences.meshes import Mesh
 
 SNAP = 65536  # sub-voxel positions along an axis
 VOTES_NEEDED = 4  # of six rays
+NONE = -1  # no crossing
+SignArray = NDArray[np.int8]
 
 
 def solid_voxels(mesh: Mesh, pitch: float) -> tuple[VoxelGrid, BoolArray]:
@@ -32,13 +36,16 @@ def solid_voxels(mesh: Mesh, pitch: float) -> tuple[VoxelGrid, BoolArray]:
     Returns:
         The box around the mesh, and (X, Y, Z) which of its voxels are filled.
     """
-    grid = grid_around(mesh.vertices.min(0), mesh.vertices.max(0), pitch)
-    scaled = mesh.vertices / pitch - np.array(grid.start)
+    low, high = bounds(mesh.vertices)
+    grid = grid_around(low, high, pitch)
+    points = _snapped(mesh.vertices / pitch - np.array(grid.start))
+    votes = np.zeros(grid.shape, np.uint8)
     if has_no_boundary(mesh.faces):
-        votes = ray_votes(scaled, mesh.faces, grid.shape, axis=2)
+        _add_votes(points, mesh.faces, votes, axis=2)
         return grid, votes == 2
-    votes = np.sum([ray_votes(scaled, mesh.faces, grid.shape, axis=axis) for axis in range(3)], axis=0, dtype=np.uint8)
-    return grid, np.asarray(votes >= VOTES_NEEDED)
+    for axis in range(3):
+        _add_votes(points, mesh.faces, votes, axis=axis)
+    return grid, votes >= VOTES_NEEDED
 
 
 def has_no_boundary(faces: Int32Array) -> bool:
@@ -62,15 +69,21 @@ def ray_votes(scaled: FloatArray, faces: Int32Array, shape: tuple[int, int, int]
     Returns:
         (X, Y, Z) 0, 1 or 2.
     """
-    order = [(axis + 1) % 3, (axis + 2) % 3, axis]
-    turned = np.ascontiguousarray(scaled[:, order])
-    snapped = np.rint(turned * SNAP).astype(np.int64)
-    columns = (shape[order[0]], shape[order[1]])
-    starts = _count_crossings(snapped, faces, columns[0], columns[1])
-    heights, signs = _record_crossings(snapped, snapped[:, 2] / SNAP, faces, columns[0], columns[1], starts)
-    votes = np.zeros((*columns, shape[axis]), np.uint8)
-    _vote(starts, heights, signs, votes)
-    return np.ascontiguousarray(votes.transpose(np.argsort(order)))
+    votes = np.zeros(shape, np.uint8)
+    _add_votes(_snapped(scaled), faces, votes, axis=axis)
+    return votes
+
+
+def _snapped(scaled: FloatArray) -> IntArray:
+    """Corners in sub-voxel steps."""
+    return np.rint(scaled * SNAP).astype(np.int64)
+
+
+def _add_votes(points: IntArray, faces: Int32Array, votes: ByteArray, *, axis: int) -> None:
+    """Cast the rays along an axis; columns run through the other two in cyclic order."""
+    order = np.array([(axis + 1) % 3, (axis + 2) % 3, axis])
+    shape, steps = np.array(votes.shape)[order], np.array(votes.strides)[order]
+    _cast(points, faces, order, shape, steps, votes.reshape(-1))
 
 
 @njit(cache=True, nogil=True)
@@ -93,138 +106,152 @@ def _boundary_sum(faces: Int32Array) -> np.uint64:
     return total
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _side(au: int, av: int, bu: int, bv: int, pu: int, pv: int) -> int:
-    """On which side of the directed edge a -> b a lattice point lies; a point on the line is nudged by (eps, eps^2)."""
-    value = (bu - au) * (pv - av) - (bv - av) * (pu - au)
-    if value == 0:
-        value = av - bv
-        if value == 0:
-            value = bu - au
-    return 1 if value > 0 else (-1 if value < 0 else 0)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _covers(p: IntArray, i: int, j: int, k: int, u: int, v: int) -> int:
-    """Whether the projected triangle covers column (u, v): the sign of its winding, else 0."""
-    pu, pv = u * SNAP, v * SNAP
-    side = _side(p[i, 0], p[i, 1], p[j, 0], p[j, 1], pu, pv)
-    if side == 0 or _side(p[j, 0], p[j, 1], p[k, 0], p[k, 1], pu, pv) != side:
-        return 0
-    return side if _side(p[k, 0], p[k, 1], p[i, 0], p[i, 1], pu, pv) == side else 0
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _columns_of(p: IntArray, i: int, j: int, k: int, axis: int, limit: int) -> tuple[int, int]:
-    """First and past-the-last column that a projected triangle can cover along one axis."""
-    low = min(p[i, axis], p[j, axis], p[k, axis])
-    high = max(p[i, axis], p[j, axis], p[k, axis])
-    return max(0, low // SNAP), min(limit, high // SNAP + 2)
-
-
 @njit(cache=True, nogil=True)
-def _count_crossings(p: IntArray, faces: Int32Array, n_u: int, n_v: int) -> IntArray:
-    """Where each column's crossings start: (n_u * n_v + 1,)."""
-    counts = np.zeros(n_u * n_v + 1, np.int64)
-    for f in range(faces.shape[0]):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        u0, u1 = _columns_of(p, i, j, k, 0, n_u)
-        v0, v1 = _columns_of(p, i, j, k, 1, n_v)
-        for u in range(u0, u1):
-            for v in range(v0, v1):
-                if _covers(p, i, j, k, u, v) != 0:
-                    counts[u * n_v + v + 1] += 1
-    return np.cumsum(counts)
-
-
-@njit(cache=True, nogil=True)
-def _record_crossings(
-    p: IntArray, height: FloatArray, faces: Int32Array, n_u: int, n_v: int, starts: IntArray
-) -> tuple[FloatArray, IntArray]:
-    """Height (voxels) and sign (+1 enters going up, -1 leaves) of each crossing, by column."""
-    heights = np.empty(starts[-1], np.float64)
-    signs = np.empty(starts[-1], np.int64)
-    place = starts[:-1].copy()
-    for f in range(faces.shape[0]):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        u0, u1 = _columns_of(p, i, j, k, 0, n_u)
-        v0, v1 = _columns_of(p, i, j, k, 1, n_v)
-        for u in range(u0, u1):
-            for v in range(v0, v1):
-                side = _covers(p, i, j, k, u, v)
-                if side == 0:
-                    continue
-                at = place[u * n_v + v]
-                place[u * n_v + v] += 1
-                signs[at] = -side
-                heights[at] = _height_at(p, height, i, j, k, u, v)
-    return heights, signs
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _height_at(p: IntArray, height: FloatArray, i: int, j: int, k: int, u: int, v: int) -> float:
-    """Height of a triangle over column (u, v), kept within the triangle's own span."""
-    ju, jv = float(p[j, 0] - p[i, 0]), float(p[j, 1] - p[i, 1])
-    ku, kv = float(p[k, 0] - p[i, 0]), float(p[k, 1] - p[i, 1])
-    pu, pv = float(u * SNAP - p[i, 0]), float(v * SNAP - p[i, 1])
-    area = ju * kv - jv * ku
-    low = min(height[i], height[j], height[k])
-    high = max(height[i], height[j], height[k])
-    if area == 0.0:
-        return float(0.5 * (low + high))
-    s, t = (pu * kv - pv * ku) / area, (ju * pv - jv * pu) / area
-    at = height[i] + s * (height[j] - height[i]) + t * (height[k] - height[i])
-    return float(min(max(at, low), high))
-
-
-@njit(cache=True, nogil=True)
-def _vote(starts: IntArray, heights: FloatArray, signs: IntArray, votes: ByteArray) -> None:
-    n_v, n_w = votes.shape[1], votes.shape[2]
-    for column in range(starts.shape[0] - 1):
-        a, b = starts[column], starts[column + 1]
-        if a == b:
+def _cast(
+    points: IntArray, faces: Int32Array, order: IntArray, shape: IntArray, steps: IntArray, votes: ByteArray
+) -> None:
+    """Add the votes of all rays along axis order[2]; shape and steps are those of the votes, in that order."""
+    n_u, n_v, n_w = shape
+    room = _most_crossings(points, faces, order, n_u, n_v)
+    first = np.full(n_u * n_v, NONE, np.int64)  # crossing of each column
+    following, heights, signs = np.empty(room, np.int64), np.empty(room), np.empty(room, np.int8)
+    _cross(points, faces, order, n_u, n_v, first, following, heights, signs)
+    for column in range(n_u * n_v):
+        if first[column] == NONE:
             continue
-        _sort_crossings(heights[a:b], signs[a:b])
-        balanced = _balances(signs[a:b])
-        out = votes[column // n_v, column % n_v]
-        winding, crossed = 0, 0
-        w = 0
-        for c in range(b - a):
-            stop = min(n_w, max(0, int(np.ceil(heights[a + c]))))
-            vote = _ray_pair_vote(balanced, winding, crossed, b - a)
-            while w < stop:
-                out[w] = vote
-                w += 1
-            winding += signs[a + c]
-            crossed += 1
-        vote = _ray_pair_vote(balanced, winding, crossed, b - a)
-        while w < n_w:
-            out[w] = vote
-            w += 1
+        start = column // n_v * steps[0] + column % n_v * steps[1]
+        _vote(first[column], following, heights, signs, n_w, start, steps[2], votes)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _sort_crossings(heights: FloatArray, signs: IntArray) -> None:
-    """Sort the few crossings of one column by height, in place; equals keep their order."""
-    for c in range(1, heights.shape[0]):
-        height, sign, at = heights[c], signs[c], c
-        while at > 0 and heights[at - 1] > height:
-            heights[at], signs[at] = heights[at - 1], signs[at - 1]
-            at -= 1
-        heights[at], signs[at] = height, sign
+@njit(cache=True, nogil=True)
+def _columns_of(a: int, b: int, c: int, limit: int) -> tuple[int, int]:
+    """First and past-the-last column that a projected triangle with these corners can cover along one axis."""
+    low, high = min(a, b, c), max(a, b, c)
+    return max(0, -(-low // SNAP)), min(limit, high // SNAP + 1)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _balances(signs: IntArray) -> bool:
-    """Whether the crossings add up to nothing and the winding number never changes its sign on the way."""
-    winding, least, most = 0, 0, 0
-    for sign in signs:
-        winding += sign
+@njit(cache=True, nogil=True)
+def _most_crossings(points: IntArray, faces: Int32Array, order: IntArray, n_u: int, n_v: int) -> int:
+    """How many columns the boxes around all projected triangles hold."""
+    total = 0
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        u0, u1 = _columns_of(points[i, order[0]], points[j, order[0]], points[k, order[0]], n_u)
+        v0, v1 = _columns_of(points[i, order[1]], points[j, order[1]], points[k, order[1]], n_v)
+        total += max(0, u1 - u0) * max(0, v1 - v0)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _edge(au: int, av: int, bu: int, bv: int, u: int, v: int) -> tuple[int, int, int]:
+    """Twice the side of the directed edge a -> b on which column (u, v) lies, and how it grows with u and v.
+
+    The sign says the side; a point on the line is nudged by (eps, eps^2), so that 0 is left to edges of no length.
+    """
+    grow_u, grow_v = 2 * (av - bv), 2 * (bu - au)
+    nudge = grow_u if grow_u != 0 else grow_v
+    side = grow_v * (v * SNAP - av) + grow_u * (u * SNAP - au) + (1 if nudge > 0 else -1 if nudge < 0 else 0)
+    return side, grow_u * SNAP, grow_v * SNAP
+
+
+@njit(cache=True, nogil=True)
+def _cross(
+    points: IntArray, faces: Int32Array, order: IntArray, n_u: int, n_v: int,
+    first: IntArray, following: IntArray, heights: FloatArray, signs: SignArray,
+) -> None:  # fmt: skip
+    """Chain up the crossings of every column from below: height (voxels) and sign (+1 enters going up, -1 leaves)."""
+    n, (a, b, c) = 0, order
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        iu, ju, ku = points[i, a], points[j, a], points[k, a]
+        u0, u1 = _columns_of(iu, ju, ku, n_u)
+        iv, jv, kv = points[i, b], points[j, b], points[k, b]
+        v0, v1 = _columns_of(iv, jv, kv, n_v)
+        area = (ju - iu) * (kv - iv) - (jv - iv) * (ku - iu)
+        if u0 >= u1 or v0 >= v1 or area == 0:
+            continue
+        sign = 1 if area > 0 else -1
+        ij, ij_u, ij_v = _edge(iu, iv, ju, jv, u0, v0)
+        jk, jk_u, jk_v = _edge(ju, jv, ku, kv, u0, v0)
+        ki, ki_u, ki_v = _edge(ku, kv, iu, iv, u0, v0)
+        for u in range(u0, u1):
+            for v in range(v0, v1):
+                du, dv = u - u0, v - v0
+                if sign * (ij + du * ij_u + dv * ij_v) <= 0 or sign * (jk + du * jk_u + dv * jk_v) <= 0:
+                    continue
+                if sign * (ki + du * ki_u + dv * ki_v) <= 0:
+                    continue
+                s, t = _weights(ju - iu, jv - iv, ku - iu, kv - iv, u * SNAP - iu, v * SNAP - iv)
+                heights[n] = _height(points[i, c] / SNAP, points[j, c] / SNAP, points[k, c] / SNAP, s, t)
+                signs[n] = -sign
+                _chain(u * n_v + v, n, first, following, heights)
+                n += 1
+
+
+@njit(cache=True, nogil=True)
+def _weights(ju: int, jv: int, ku: int, kv: int, pu: int, pv: int) -> tuple[float, float]:
+    """How much of two edges from one corner leads to a point."""
+    j_u, j_v, k_u, k_v, p_u, p_v = float(ju), float(jv), float(ku), float(kv), float(pu), float(pv)
+    area = j_u * k_v - j_v * k_u
+    if area == 0.0:  # lost to rounding
+        return 0.5, 0.0
+    return (p_u * k_v - p_v * k_u) / area, (j_u * p_v - j_v * p_u) / area
+
+
+@njit(cache=True, nogil=True)
+def _height(i: float, j: float, k: float, s: float, t: float) -> float:
+    """Height of a triangle whose corners have three heights, kept within their span."""
+    return min(max(i + s * (j - i) + t * (k - i), min(i, j, k)), max(i, j, k))
+
+
+@njit(cache=True, nogil=True)
+def _chain(column: int, crossing: int, first: IntArray, following: IntArray, heights: FloatArray) -> None:
+    """Put a crossing in its place in the column's chain: by height, equals in the order of their faces."""
+    after, before = first[column], NONE
+    while after != NONE and heights[after] <= heights[crossing]:
+        before, after = after, following[after]
+    following[crossing] = after
+    if before == NONE:
+        first[column] = crossing
+    else:
+        following[before] = crossing
+
+
+@njit(cache=True, nogil=True)
+def _vote(
+    first: int, following: IntArray, heights: FloatArray, signs: SignArray, n_w: int, start: int, step: int,
+    votes: ByteArray,
+) -> None:  # fmt: skip
+    """Add the votes of one column, of which the first voxel is at `start`."""
+    balanced, total = _balance(first, following, signs)
+    winding, crossed, w, crossing = 0, 0, 0, first
+    while w < n_w:
+        stop = n_w if crossing == NONE else min(n_w, max(w, int(np.ceil(heights[crossing]))))
+        vote = _ray_pair_vote(balanced, winding, crossed, total)
+        if vote > 0:
+            for at in range(w, stop):
+                votes[start + at * step] += vote
+        w = stop
+        if crossing == NONE:
+            break
+        winding += signs[crossing]
+        crossed += 1
+        crossing = following[crossing]
+
+
+@njit(cache=True, nogil=True)
+def _balance(first: int, following: IntArray, signs: SignArray) -> tuple[bool, int]:
+    """Whether a column's signs add up to nothing without the winding number ever changing its sign; and how many."""
+    winding, least, most, total, crossing = 0, 0, 0, 0, first
+    while crossing != NONE:
+        winding += signs[crossing]
         least, most = min(least, winding), max(most, winding)
-    return winding == 0 and (least == 0 or most == 0)
+        total += 1
+        crossing = following[crossing]
+    return winding == 0 and (least == 0 or most == 0), total
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _ray_pair_vote(balanced: bool, winding: int, crossed: int, total: int) -> int:
     """Votes of the ray from below and the ray from above at a point with `crossed` of `total` crossings below it."""
     if balanced:

@@ -1,4 +1,5 @@
 import logging
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,17 @@ def test_every_bit_of_the_arrays_is_guarded(tmp_path: Path) -> None:
         data[at] ^= 0x10
         file.write_bytes(data)
         assert same(cached_mesh(tmp_path, "k", lambda: MESH), MESH)
+
+
+def test_a_damaged_array_header_is_rebuilt(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Whole for the zip container, but numpy takes its type for none (a TypeError)."""
+    with zipfile.ZipFile(tmp_path / "k.npz", "w") as container:
+        header = b"{'descr': 7, 'fortran_order': False, 'shape': (0,), }"
+        for name in ("vertices", "faces", "labels"):
+            container.writestr(f"{name}.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    assert same(cached_mesh(tmp_path, "k", lambda: MESH), MESH)
+    assert "damaged cache file is rebuilt" in caplog.text
+    assert same(cached_mesh(tmp_path, "k", never), MESH)
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

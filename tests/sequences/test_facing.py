@@ -11,7 +11,7 @@ from mhvedit.errors import SceneError
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import apply_pose, wrap_angle
 from mhvedit.sequences.bodies import _key_frames, horizontal_front, track_body
-from mhvedit.sequences.body_fit import BodyPose, fit_body, joint_places
+from mhvedit.sequences.body_fit import WRONG_SIDE, BodyPose, _add_residuals, _explain, fit_body, joint_places
 from mhvedit.sequences.body_model import N_JOINTS, plain_adult, rotation_from_vector
 from mhvedit.sequences.facing import estimate_facing, facing_from_tracks
 from mhvedit.sequences.meshes import JointTracks, Mesh, MeshSequence
@@ -75,6 +75,14 @@ def test_the_estimate_turns_and_shifts_with_the_capture() -> None:
     assert turned.trust == pytest.approx(facing.trust, abs=1e-6)
 
 
+def test_the_number_of_threads_does_not_matter() -> None:
+    frames = sequence(*[placed(figure(2), np.array([0.03 * t, 0.0, 0.4 + 0.1 * t])) for t in range(3)])
+    one, three = track_body(frames), track_body(frames, workers=3)
+    for name in ("places", "head", "misfit", "size"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+    assert estimate_facing(frames).yaw.tobytes() == estimate_facing(frames, workers=2).yaw.tobytes()
+
+
 def test_neither_the_order_nor_the_density_of_the_mesh_matters() -> None:
     mesh = figure(2)
     random = np.random.default_rng(5)
@@ -129,6 +137,66 @@ def test_the_model_finds_back_a_pose_of_its_own() -> None:
     second, _ = fit_body(model, cloud, BodyPose(nudged, still.pelvis + 0.03, still.shape), sigma=sigma)
     assert energy < 1.5e-3
     assert joint_places(model, second)[:4] == pytest.approx(joint_places(model, first)[:4], abs=0.02)
+
+
+def residual_of_point(point: FloatArray, cones: FloatArray) -> tuple[float, int]:
+    """Squared misfit of an oriented point and the cone that explains it best, cone by cone."""
+    costs = []
+    for start, end, a, b in zip(cones[:3].T, cones[3:6].T, cones[6], cones[7], strict=True):
+        along = np.clip((point[:3] - start) @ (end - start) / ((end - start) @ (end - start)), 0, 1)
+        arm = point[:3] - start - along * (end - start)
+        far = np.linalg.norm(arm)
+        costs.append((far - a - along * (b - a)) ** 2 + (WRONG_SIDE * (1 - point[3:6] @ arm / far)) ** 2)
+    return float(min(costs)), int(np.argmin(costs))
+
+
+def test_every_point_is_explained_by_the_cone_that_fits_it_best() -> None:
+    rng = np.random.default_rng(3)
+    cones = np.vstack([rng.normal(size=(6, 9)), rng.uniform(0.05, 0.4, (2, 9))])
+    normals = rng.normal(size=(60, 3))
+    cloud = np.column_stack([rng.normal(size=(60, 3)), normals / np.linalg.norm(normals, axis=1)[:, None], np.ones(60)])
+    chosen, fits = np.empty(60, np.int64), np.empty((60, 3))
+    _explain(cloud, cones, chosen, fits)
+    expected = [residual_of_point(point, cones) for point in cloud]
+    assert fits[:, 2] == pytest.approx([cost for cost, _ in expected])
+    assert chosen.tolist() == [cone for _, cone in expected]
+
+
+def test_the_gradient_is_the_slope_of_the_residuals() -> None:
+    """By finite differences: half the sum of weighted squares, the body moved by small steps."""
+    model, rng = plain_adult(), np.random.default_rng(8)
+    pose = BodyPose(np.tile(np.eye(3), (N_JOINTS, 1, 1)), np.array([0.0, 0.0, 0.95]), np.zeros(2))
+    places, riding = joint_places(model, pose), np.array([3, 7, 10])
+    normals = rng.normal(size=(3, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    at, radius, gap, weight = (
+        places[riding] + rng.normal(scale=0.1, size=(3, 3)),
+        rng.random(3),
+        rng.random(3),
+        rng.random(3),
+    )
+    size = 5 + 3 * N_JOINTS
+    hessian, gradient = np.zeros((size, size)), np.zeros(size)
+    residuals = np.column_stack([normals, at, radius, gap, weight])
+    _add_residuals(residuals, riding, model.chains, places, hessian, gradient)
+
+    def half_squares(step: FloatArray) -> float:
+        total = 0.0
+        for row in range(3):
+            moved, joint = at[row].copy(), int(riding[row])
+            while joint >= 0:
+                moved += np.cross(step[3 + 3 * joint : 6 + 3 * joint], at[row] - places[joint])
+                joint = int(model.parents[joint])
+            moved += step[:3] + step[-2] * (at[row] - places[0])
+            left = gap[row] - normals[row] @ (moved - at[row]) - radius[row] * (step[-2] + step[-1])
+            total += 0.5 * weight[row] * left**2
+        return total
+
+    steps = 1e-6 * np.eye(size)
+    slopes = [(half_squares(step) - half_squares(-step)) / 2e-6 for step in steps]
+    assert gradient == pytest.approx(slopes, abs=1e-8)
+    bends = [(half_squares(1e3 * s) - 2 * half_squares(0 * s) + half_squares(-1e3 * s)) / 1e-6 for s in steps]
+    assert np.diag(hessian) == pytest.approx(bends, abs=1e-6)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 10, 61, 425])

@@ -89,6 +89,17 @@ def test_a_sword_is_solid_even_if_no_segment_names_it_and_a_hand_only_if_one_doe
     assert full.body is full.solids[BODY]
 
 
+def test_the_number_of_threads_does_not_matter() -> None:
+    sequence, parts = someone()
+    pose, wanted = capture_from_canonical(sequence), frozenset({HAND, SWORD})
+    one, three = (
+        subject_volumes(sequence, parts, numbers=(10, 13, 13), pose=pose, pitch=PITCH, wanted=wanted, workers=workers)
+        for workers in (1, 3)
+    )
+    assert set(one.parts) == set(three.parts)
+    assert all(same(one.parts[name].volume, three.parts[name].volume) for name in one.parts)
+
+
 def test_frames_are_the_retimed_ones() -> None:
     volumes = volumes_of()
     assert volumes.body.n_frames == 3

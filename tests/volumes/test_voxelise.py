@@ -1,6 +1,7 @@
 """Solid voxels against closed forms and against the generalised winding number."""
 
 from collections.abc import Callable
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -8,10 +9,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mhvedit.geometry.arrays import BoolArray, FloatArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.sequences.meshes import Mesh
-from mhvedit.volumes.voxelise import has_no_boundary, ray_votes, solid_voxels
+from mhvedit.volumes.voxelise import SNAP, has_no_boundary, ray_votes, solid_voxels
 from tests import oracles
 from tests.oracles import Voxel
 
@@ -177,6 +178,88 @@ def test_quarter_turns_turn_the_voxels(seed: int) -> None:
     tipped = Mesh(np.stack([y, z, x], 1), mesh.faces)
     assert voxels(turned, 0.04) == {(-y, x, z) for x, y, z in voxels(mesh, 0.04)}
     assert voxels(tipped, 0.04) == {(y, z, x) for x, y, z in voxels(mesh, 0.04)}
+
+
+# The vote of six rays
+
+Corner = tuple[int, int, int]  # in 1/65536 of a voxel
+
+
+def above(triangle: list[Corner], axis: int, column: tuple[int, int]) -> tuple[Fraction, int] | None:
+    """Height (voxels) and sign at which a column goes through a triangle.
+
+    Whether it does is asked of the column nudged by (eps, eps^2), in whole numbers of eps^2.
+    """
+    eps = 2**60
+    flat = [(corner[(axis + 1) % 3], corner[(axis + 2) % 3]) for corner in triangle]
+    a, b, c = [(u * eps * eps, v * eps * eps) for u, v in flat]
+    nudged = (column[0] * SNAP * eps * eps + eps, column[1] * SNAP * eps * eps + 1)
+    sides = [cross(start, end, nudged) for start, end in ((a, b), (b, c), (c, a))]
+    if min(sides) <= 0 <= max(sides):
+        return None
+    a, b, c = flat
+    there = (column[0] * SNAP, column[1] * SNAP)
+    parts = [cross(b, c, there), cross(c, a, there), cross(a, b, there)]
+    height = Fraction(sum(part * corner[axis] for part, corner in zip(parts, triangle, strict=True)), sum(parts) * SNAP)
+    return height, -1 if sides[0] > 0 else 1
+
+
+def cross(start: tuple[int, int], end: tuple[int, int], point: tuple[int, int]) -> int:
+    """Twice the area of a triangle in the plane."""
+    return (end[0] - start[0]) * (point[1] - start[1]) - (end[1] - start[1]) * (point[0] - start[0])
+
+
+def votes_by_hand(mesh: Mesh, grid: VoxelGrid, axis: int) -> IntArray:
+    """The votes of all rays along an axis, in whole numbers; corners lie on the sub-voxel lattice, pitch is 1."""
+    corners = [tuple(round(x * SNAP) for x in corner) for corner in mesh.vertices.tolist()]
+    votes = np.zeros(grid.shape, np.int64)
+    order = [(axis + 1) % 3, (axis + 2) % 3, axis]
+    along = np.moveaxis(votes, order, [0, 1, 2])
+    start = [grid.start[k] for k in order]
+    for u, v in np.ndindex(along.shape[:2]):
+        met = [above([corners[c] for c in face], axis, (u + start[0], v + start[1])) for face in mesh.faces.tolist()]
+        crossings = [(height - start[2], sign) for height, sign in filter(None, met)]
+        along[u, v] = votes_of_column(crossings, along.shape[2])
+    return votes
+
+
+def votes_of_column(crossings: list[tuple[Fraction, int]], n: int) -> list[int]:
+    """How many of the two rays through a column see each of its voxels inside."""
+    crossings = sorted(crossings, key=lambda crossing: crossing[0])
+    sums = [sum(sign for _, sign in crossings[:k]) for k in range(len(crossings) + 1)]
+    sound = sums[-1] == 0 and (min(sums) >= 0 or max(sums) <= 0)
+    votes = []
+    for w in range(n):
+        below = sum(height <= w for height, _ in crossings)
+        parity = below % 2 + (len(crossings) - below) % 2
+        votes.append((2 if sums[below] else 0) if sound else parity)
+    return votes
+
+
+def soup(rng: np.random.Generator, lattice: IntArray | int) -> Mesh:
+    """Triangles between any corners: open, flipped, crossing, degenerate; corners on multiples of some sub-voxels."""
+    corners = rng.integers(0, 4 * SNAP // lattice, (10, 3)) * lattice
+    return Mesh(corners / SNAP, rng.integers(0, 10, (15, 3)).astype(np.int32))
+
+
+@given(seed=SEEDS)
+@SOME
+def test_any_soup_of_triangles_is_voted_on_as_six_rays_do(seed: int) -> None:
+    mesh = soup(np.random.default_rng(seed), 1)
+    grid, filled = solid_voxels(mesh, 1.0)
+    assert not has_no_boundary(mesh.faces)
+    np.testing.assert_array_equal(filled, sum(votes_by_hand(mesh, grid, axis) for axis in range(3)) >= 4)
+
+
+@given(seed=SEEDS, axis=st.integers(0, 2), share=st.sampled_from([1, 2]))
+@settings(SOME, max_examples=24)
+def test_rays_through_corners_and_along_edges_count_each_surface_once(seed: int, axis: int, share: int) -> None:
+    lattice = np.full(3, SNAP // share)
+    lattice[axis] = 1  # heights on the lattice are another matter: rounding may put them on either side
+    mesh = soup(np.random.default_rng(seed), lattice)
+    grid, _ = solid_voxels(mesh, 1.0)
+    votes = ray_votes(mesh.vertices - np.array(grid.start), mesh.faces, grid.shape, axis=axis)
+    np.testing.assert_array_equal(votes, votes_by_hand(mesh, grid, axis))
 
 
 # What real captures have
