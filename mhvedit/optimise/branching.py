@@ -1,138 +1,173 @@
 """The best chain where no single pose serves all segments, with a proof: branch and bound over poses, turns and gauge.
 
 A branch is an interval of the gauge; a cell of it holds the solutions of one stage in a block of the pose lattice, with
-an interval for the pair's turn in the world. Within a cell e lies in a disc and the facing cost has a lower bound, so a
-forward and a backward pass over the cells give the least that any chain through a cell can cost. Cells that cannot beat
-the best chain known are dropped; the others are cut where they are coarsest. What is dropped is never better than the
-best chain, so the least bound of the cells that are left is a bound for all chains.
+an interval for the pair's turn in the world. A forward and a backward pass over the cells give the least that any chain
+through a cell can cost. Cells that cannot beat the best chain known are dropped, the others are cut where they are
+coarsest, until nothing can be better than the best by more than rounding.
 """
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
-from mhvedit.geometry.planar import wrap_angle
-from mhvedit.optimise.chains import (
-    Chain,
-    ComplexArray,
-    StageCosts,
-    complex_of,
-    first_chain,
-    one_less_cos,
-    polished,
-    stage_costs,
-)
-from mhvedit.optimise.stages import Stage, pose_codes
+from mhvedit.optimise.blocks import COARSEST, Blocks, Curve, coarsest_blocks, curve_of, smaller_blocks
+from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
+from mhvedit.optimise.chains import Chain, StageCosts, first_chain, polished
 
-GOOD_ENOUGH = 0.009  # relative gap at which refinement stops
-NOTHING = 1e-9  # m^2; a chain that may be better by less is as good
-MOST_CELLS = 3_000_000  # in one round; more stops refinement, and the gap says so
-MOST_ROUNDS = 40
-FIRST_BLOCK = 32  # steps of x and y in a block at first
-FIRST_YAWS = 8  # steps of yaw in a block, and in a branch of the gauge, at first
-ARM = 2.0  # m that a radian of yaw, turn or gauge counts for when choosing what to halve
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Blocks:
-    """All blocks of the pose lattice that hold solutions of one stage."""
-
-    index: IntArray  # (N, 3) of the block, ascending
-    middle: FloatArray  # (N, 3) of the shifts (about the middle of all roots) and yaws of what the block holds
-    half: FloatArray  # (N, 3) half their extent
-    member: IntArray  # (N,) a solution inside
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
-    """Cells of one stage in one branch."""
-
-    block: IntArray  # (N,) row of the blocks
-    slot: IntArray  # (N,) index of the interval of the turn
+EXACT = 1e-9  # relative gap at which refinement stops
+NOTHING = 1e-15  # m^2; a chain that may be better by less is as good
+MOST_CELLS = 12_000_000  # in one round; more stops refinement, and the gap says so
+MOST_ROUNDS = 60
+FIRST_YAWS = 8  # steps of yaw in a branch of the gauge at first
+POLISHED_FROM = 1  # level of blocks from which on the chain of the least bound is tried
+DIVE_FROM, DIVE_EVERY = 2, 8  # level of blocks, branches: see `_dive`
+THREADS = 2
+PORTIONS = 16  # in which the branches are handed to the threads
+ARM = 1.0  # m that a radian of turn or gauge counts for when choosing what to halve
+LOSE_MOST, LOSE_MUCH, LOSE_LITTLE = 1.5, 0.8, 0.15  # of the best cost: see `_views` and `_finer`
+STRAIGHT = 0.05  # of the way that the best cost allows: a path that bends by less
 
 
 @dataclass(frozen=True, slots=True)
 class _Level:
     """How fine cells are."""
 
-    block: int
-    yaws: int
+    blocks: int  # level of the blocks
     half_turn: float  # rad
     half_gauge: float  # rad
     most_turn: float  # rad, turns lie between minus and plus this
 
-    def halved(self, *, step: float, yaw_step: float) -> "_Level":
-        """Halve what is coarsest: everything that is at least half as coarse as the coarsest."""
-        block = self.block * step if self.block > 1 else 0.0
-        yaws = ARM * self.yaws * yaw_step if self.yaws > 1 else 0.0
-        turn, gauge = 2 * ARM * self.half_turn, 2 * ARM * self.half_gauge
-        limit = 0.5 * max(block, yaws, turn, gauge)
+    def halved(self, step: float, *, turn: float, gauge: float) -> "_Level":
+        """Halve what is coarsest: everything that is at least half as coarse as the coarsest.
+
+        Args:
+            step: of x and y between poses, m.
+            turn: m that a radian of turn counts for.
+            gauge: m that a radian of gauge counts for.
+        """
+        block = step * 2**self.blocks if self.blocks > 0 else 0.0
+        sizes = block, 2 * turn * self.half_turn, 2 * gauge * self.half_gauge
+        halves = [size >= 0.5 * max(sizes) and size > 0 for size in sizes]
         return _Level(
-            self.block // 2 if block >= limit and block > 0 else self.block,
-            self.yaws // 2 if yaws >= limit and yaws > 0 else self.yaws,
-            self.half_turn / 2 if turn >= limit else self.half_turn,
-            self.half_gauge / 2 if gauge >= limit else self.half_gauge,
+            self.blocks - 1 if halves[0] else self.blocks,
+            self.half_turn / 2 if halves[1] else self.half_turn,
+            self.half_gauge / 2 if halves[2] else self.half_gauge,
             self.most_turn,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Branch:
-    gauge: float  # rad, middle of the interval
-    cells: tuple[_Cells, ...]
+class _Cells:
+    """The cells of all branches, one branch after the other, in each one stage after the other."""
+
+    gauges: FloatArray  # (B,) rad, middle of each branch
+    bounds: IntArray  # (B, G + 1) where the cells of each stage start and stop
+    block: IntArray  # (N,) row of the blocks
+    slot: IntArray  # (N,) index of the interval of the turn
+
+    def __len__(self) -> int:
+        return len(self.block)
 
 
-def best_chain(stages: Sequence[Stage], *, facing_weight: float, step: float, n_yaw: int) -> Chain:
+@dataclass(frozen=True, slots=True)
+class _View:
+    """How a bound deals with turns and gauge.
+
+    Where these are wide everything may move in its cell, which is good at first. Where they are 0 turns and gauge are
+    held in the middle of their cells: a chain's cost is at rest at its best turns and gauge, so no more than a share of
+    the square of the width is lost, and that is good at last.
+    """
+
+    wide_turn: float  # rad
+    wide_gauge: float  # rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """What stays the same in all rounds."""
+
+    costs: Sequence[StageCosts]
+    curves: tuple[Curve, ...]
+    links: Links
+    reach: FloatArray  # (G,) m, no vector between the roots of a stage is longer
+    pool: ThreadPoolExecutor
+
+    def loss(self, half_turn: float, half_gauge: float, cost: float) -> float:
+        """What a view that holds turns and gauge that are uncertain by so much loses, at most."""
+        return float(loss_of(self.links, self.reach, half_turn, half_gauge, cost))
+
+
+@dataclass(slots=True)
+class _Known:
+    """The best chain so far, the bound of all chains, and what has been tried."""
+
+    best: Chain
+    bound: float
+    tried: set[tuple[int, ...]]
+
+    @property
+    def proven(self) -> bool:
+        return self.bound >= min(self.best.cost * (1 - EXACT), self.best.cost - NOTHING)
+
+
+def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain:
     """The best chain and a proven lower bound (Shi et al., eqs 16 to 18, with the gauge free).
 
     Args:
-        stages: none empty.
-        facing_weight: lambda, m^2.
+        costs: of all stages, none empty.
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
     """
-    costs = stage_costs(stages, facing_weight=facing_weight)
-    yaw_step = 2 * np.pi / n_yaw
-    best = first_chain(costs, yaw_step=yaw_step)
-    most_turn = max(_most_turn(stage, best.cost) for stage in costs)
-    level = _Level(FIRST_BLOCK, FIRST_YAWS, most_turn, FIRST_YAWS * yaw_step / 2, most_turn)
-    blocks = [_blocks(stage, level) for stage in costs]
-    everything = tuple(_Cells(np.arange(len(own.member)), np.zeros(len(own.member), np.int64)) for own in blocks)
-    gauges = np.arange(0, 2 * np.pi, 2 * level.half_gauge) + level.half_gauge
-    branches = [_Branch(float(gauge), everything) for gauge in gauges]
-    bound = 0.0
-    for _ in range(MOST_ROUNDS):
-        if sum(len(cells.slot) for branch in branches for cells in branch.cells) > MOST_CELLS:
-            break
-        best, round_bound, branches = _round(costs, blocks, branches, level, best)
-        bound = max(bound, round_bound)
-        if not branches or bound >= best.cost * (1 - GOOD_ENOUGH) or bound >= best.cost - NOTHING:
-            break
-        finer = level.halved(step=step, yaw_step=yaw_step)
-        blocks, branches = _refined(costs, blocks, branches, level, finer)
-        level = finer
-    return Chain(best.chosen, best.turns, best.gauge, best.cost, min(bound, best.cost))
+    known = _Known(first_chain(costs), 0.0, set())
+    with ThreadPoolExecutor(THREADS) as pool:
+        problem = _problem(costs, pool)
+        blocks = coarsest_blocks(problem.curves, pool)
+        level, cells = _everything(costs, blocks, known.best.cost, n_yaw)
+        for _ in range(MOST_ROUNDS):
+            cells = _round(problem, blocks, cells, level, known)
+            if len(cells) == 0 or known.proven:
+                break
+            if level.blocks == DIVE_FROM:
+                _dive(problem, blocks, cells, level, known, step)
+            finer = _finer(problem, level, step, known.best.cost)
+            blocks, refined = _refined(problem, blocks, cells, level, finer)
+            if len(refined) > MOST_CELLS:
+                break
+            cells, level = refined, finer
+    best = known.best
+    return Chain(best.chosen, best.turns, best.gauge, best.cost, min(known.bound, best.cost))
 
 
-def _round(
-    costs: Sequence[StageCosts], blocks: Sequence[_Blocks], branches: Sequence[_Branch], level: _Level, best: Chain
-) -> tuple[Chain, float, list[_Branch]]:
-    """Bound every branch; returns the best chain known, the least bound, and what of the branches is left."""
-    bounded = [(branch, *_bounds(costs, blocks, branch, level, best.cost)) for branch in branches]
-    promising, through, members = min(bounded, key=lambda item: float(item[1][0].min()))
-    if through[0].min() < best.cost:
-        best = min(best, polished(costs, members, promising.gauge), key=lambda chain: chain.cost)
-    bound = min([best.cost, *(float(through[0].min()) for _, through, _ in bounded)])
-    survivors = []
-    for branch, through, _ in bounded:
-        kept = [_kept(cells, least < best.cost) for cells, least in zip(branch.cells, through, strict=True)]
-        if all(len(cells.slot) for cells in kept):
-            survivors.append(_Branch(branch.gauge, tuple(kept)))
-    return best, bound, survivors
+def _problem(costs: Sequence[StageCosts], pool: ThreadPoolExecutor) -> _Problem:
+    curves = tuple(pool.map(curve_of, costs))
+    reach = [max(np.abs(curve.first).max(), np.abs(curve.last).max()) for curve in curves]
+    return _Problem(costs, curves, _links(costs), np.array(reach), pool)
+
+
+def _links(costs: Sequence[StageCosts]) -> Links:
+    pairs = list(itertools.pairwise(costs))
+    return Links(
+        weight_a=np.array([stage.weight_a for stage in costs]),
+        weight_b=np.array([stage.weight_b for stage in costs]),
+        kept_a=np.array([after.roots_a[0] - before.roots_a[-1] for before, after in pairs], np.complex128),
+        kept_b=np.array([after.roots_b[0] - before.roots_b[-1] for before, after in pairs], np.complex128),
+    )
+
+
+def _everything(costs: Sequence[StageCosts], blocks: Blocks, cost: float, n_yaw: int) -> tuple[_Level, _Cells]:
+    """All that can be part of a chain of the given cost, in as few cells as can be."""
+    most_turn = max(_most_turn(stage, cost) for stage in costs)
+    n_gauges = -(-n_yaw // FIRST_YAWS)
+    gauges = (np.arange(n_gauges) + 0.5) * 2 * np.pi / n_gauges
+    stops = np.concatenate([[0], np.cumsum(np.bincount(blocks.stage, minlength=len(costs)))])
+    bounds = np.arange(n_gauges)[:, None] * len(blocks) + stops
+    block = np.tile(np.arange(len(blocks)), n_gauges)
+    level = _Level(COARSEST, most_turn, np.pi / n_gauges, most_turn)
+    return level, _Cells(gauges, bounds, block, np.zeros(len(block), np.int64))
 
 
 def _most_turn(stage: StageCosts, cost: float) -> float:
@@ -142,141 +177,114 @@ def _most_turn(stage: StageCosts, cost: float) -> float:
     return float(2 * np.arcsin(np.sqrt(cost / (2 * stage.weight_a))))
 
 
+def _round(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known) -> _Cells:
+    """Bound every branch in all views that promise something; returns the cells that a better chain may be in."""
+    for view in _views(problem, level, known.best.cost):
+        through, least, chains = _bounded(problem, blocks, cells, level, view, known.best.cost)
+        known.bound = max(known.bound, min([known.best.cost, *least.tolist()]))
+        if level.blocks <= POLISHED_FROM and min(least, default=np.inf) < known.best.cost:
+            _try(problem, blocks, chains[least.argmin()], float(cells.gauges[least.argmin()]), known)
+        cells = _kept(cells, through < known.best.cost)
+    return cells
+
+
+def _dive(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known, step: float) -> None:
+    """Look at some of the branches down to single poses, for a better chain."""
+    bound = known.bound
+    some = np.zeros(len(cells.gauges), np.bool_)
+    some[::DIVE_EVERY] = True
+    cells = _kept(cells, np.repeat(some, cells.bounds[:, -1] - cells.bounds[:, 0]))
+    while level.blocks > 0 and len(cells):
+        finer = _finer(problem, level, step, known.best.cost)
+        blocks, cells = _refined(problem, blocks, cells, level, finer)
+        level = finer
+        cells = _round(problem, blocks, cells, level, known)
+    known.bound = bound
+
+
+def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level:
+    """The next level.
+
+    As long as the paths of turns are straight the wide view needs no cutting of turns; it does until the gauge can be
+    held. Then turns are cut at once as finely as the flat view needs them.
+    """
+    if problem.reach.max() * level.half_turn**2 > STRAIGHT * np.sqrt(2 * cost):
+        return level.halved(step, turn=ARM, gauge=ARM)
+    by_gauge = problem.loss(0.0, level.half_gauge, cost)
+    if level.blocks > 0 or by_gauge > LOSE_LITTLE * cost:
+        return level.halved(step, turn=0.0, gauge=ARM)
+    if problem.loss(level.half_turn, level.half_gauge, cost) > LOSE_MUCH * cost:
+        parts = 2
+        while problem.loss(level.half_turn / parts, level.half_gauge, cost) > LOSE_MUCH * cost:
+            parts *= 2
+        return replace(level, half_turn=level.half_turn / parts)
+    return replace(level, half_turn=level.half_turn / 2, half_gauge=level.half_gauge / 2)
+
+
+def _views(problem: _Problem, level: _Level, cost: float) -> list[_View]:
+    """Wide until the flat view loses little, flat as soon as it does not lose too much."""
+    lost = problem.loss(level.half_turn, level.half_gauge, cost)
+    views = []
+    if lost > LOSE_MUCH * cost:
+        held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
+        views.append(_View(level.half_turn, 0.0 if held else level.half_gauge))
+    if lost < LOSE_MOST * cost:
+        views.append(_View(0.0, 0.0))
+    return views
+
+
+def _bounded(
+    problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, view: _View, budget: float
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """The least cost of chains through each cell and of each branch, and the blocks of each branch's cheapest chain."""
+    n_branches, n_stages = len(cells.gauges), len(problem.costs)
+    through, least = np.empty(len(cells)), np.empty(n_branches)
+    chains = np.zeros((n_branches, n_stages), np.int64)
+
+    def bound(branches: IntArray) -> None:
+        bound_branches(
+            branches,
+            (cells.gauges, cells.bounds, cells.block, cells.slot),
+            (blocks.first, blocks.last, blocks.radius, blocks.yaw, blocks.half_yaw),
+            problem.links,
+            (level.half_turn, level.half_gauge, level.most_turn, view.wide_turn, view.wide_gauge),
+            budget,
+            (through, least, chains),
+        )
+
+    list(problem.pool.map(bound, [np.arange(k, n_branches, PORTIONS) for k in range(PORTIONS)]))
+    return through, least, chains
+
+
+def _try(problem: _Problem, blocks: Blocks, chain: IntArray, gauge: float, known: _Known) -> None:
+    """Polish a chain of one solution from each of some blocks, once."""
+    rows = np.array([curve.rows[blocks.run[block, 0]] for curve, block in zip(problem.curves, chain, strict=True)])
+    if tuple(rows.tolist()) not in known.tried:
+        known.tried.add(tuple(rows.tolist()))
+        known.best = min(known.best, polished(problem.costs, rows, gauge), key=lambda found: found.cost)
+
+
 def _kept(cells: _Cells, mask: BoolArray) -> _Cells:
-    return _Cells(cells.block[mask], cells.slot[mask])
+    """Some of the cells; branches in which a stage has none are left out."""
+    starts = np.concatenate([[0], np.cumsum(mask)])[cells.bounds]
+    alive = (np.diff(starts, axis=1) > 0).all(1)
+    mask = mask & np.repeat(alive, cells.bounds[:, -1] - cells.bounds[:, 0])
+    starts = np.concatenate([[0], np.cumsum(mask)])[cells.bounds[alive]]
+    return _Cells(cells.gauges[alive], starts, cells.block[mask], cells.slot[mask])
 
 
-def _blocks(stage: StageCosts, level: _Level) -> _Blocks:
-    """Cut the lattice into blocks; those that hold no solution are left out."""
-    index = stage.keys // np.array([level.block, level.block, level.yaws])
-    codes = pose_codes(index)
-    order = np.argsort(codes, kind="stable")
-    starts = np.flatnonzero(np.diff(codes[order], prepend=-1))
-    values = np.column_stack([stage.shifts, stage.yaws])[order]
-    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-    member = order[starts]
-    return _Blocks(index[member], 0.5 * (low + high), 0.5 * (high - low), member)
-
-
-def _refined(
-    costs: Sequence[StageCosts], blocks: Sequence[_Blocks], branches: Sequence[_Branch], level: _Level, finer: _Level
-) -> tuple[list[_Blocks], list[_Branch]]:
-    """Cut every cell of every branch to the finer level, and the branches too where their gauge is halved."""
-    fine = [_blocks(stage, finer) for stage in costs]
-    ratio = np.array([level.block // finer.block, level.block // finer.block, level.yaws // finer.yaws])
-    children = [_children(before, after, ratio) for before, after in zip(blocks, fine, strict=True)]
-    sides = 1 if finer.half_turn == level.half_turn else 2
-    split = []
-    for branch in branches:
-        cells = tuple(_split(own, *child, sides) for own, child in zip(branch.cells, children, strict=True))
-        if finer.half_gauge == level.half_gauge:
-            split.append(_Branch(branch.gauge, cells))
-        else:
-            split += [_Branch(branch.gauge + side * finer.half_gauge, cells) for side in (-1, 1)]
-    return fine, split
-
-
-def _children(coarse: _Blocks, fine: _Blocks, ratio: IntArray) -> tuple[IntArray, IntArray]:
-    """The finer blocks, sorted by the coarse block they are in, and where those of each coarse block start."""
-    parents = np.searchsorted(pose_codes(coarse.index), pose_codes(fine.index // ratio))
-    order = np.argsort(parents, kind="stable")
-    return order, np.searchsorted(parents[order], np.arange(len(coarse.member) + 1))
-
-
-def _split(cells: _Cells, children: IntArray, start: IntArray, sides: int) -> _Cells:
-    """Every cell's finer blocks, each with the halves of its interval of the turn where `sides` is 2."""
-    count = np.diff(start)[cells.block]
-    cell = np.repeat(np.arange(len(count)), count)
-    nth = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
-    block = children[start[cells.block[cell]] + nth]
-    slot = sides * np.repeat(cells.slot[cell], sides) + np.tile(np.arange(sides), len(cell))
-    return _Cells(np.repeat(block, sides), slot)
-
-
-def _bounds(
-    costs: Sequence[StageCosts], blocks: Sequence[_Blocks], branch: _Branch, level: _Level, budget: float
-) -> tuple[list[FloatArray], IntArray]:
-    """The least that a chain through each cell can cost; and a member of each cell of the cheapest chain of cells.
-
-    Chains of more than the budget need not be told apart: they may come out as infinite.
-    """
-    parts = [
-        _cell_bounds(stage, own, cells, branch.gauge, level)
-        for stage, own, cells in zip(costs, blocks, branch.cells, strict=True)
-    ]
-    forward, back = [parts[0].unary], []
-    for before, after in itertools.pairwise(parts):
-        least, nearest = _cheapest_step(forward[-1], before.last, after.first, before.radius, after.radius, budget)
-        forward.append(least + after.unary)
-        back.append(nearest)
-    behind = [np.zeros(len(parts[-1].unary))]
-    for after, before in itertools.pairwise(reversed(parts)):
-        rest = behind[-1] + after.unary
-        behind.append(_cheapest_step(rest, after.first, before.last, after.radius, before.radius, budget)[0])
-    through = [f + b for f, b in zip(forward, reversed(behind), strict=True)]
-    chain = [int(np.argmin(forward[-1]))]
-    for nearest in reversed(back):
-        chain.append(int(nearest[chain[-1]]))
-    zipped = zip(blocks, branch.cells, reversed(chain), strict=True)
-    return through, np.array([own.member[cells.block[cell]] for own, cells, cell in zipped])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _CellBounds:
-    """What is known of every cell of a stage."""
-
-    unary: FloatArray  # (N,) least facing cost, m^2
-    first: ComplexArray  # (N,) centre of e at the stage's first roots, m
-    last: ComplexArray  # (N,) and at its last
-    radius: FloatArray  # (N,) m, around both
-
-
-def _cell_bounds(stage: StageCosts, blocks: _Blocks, cells: _Cells, gauge: float, level: _Level) -> _CellBounds:
-    middle, half = blocks.middle[cells.block], blocks.half[cells.block]
-    turn = -level.most_turn + (2 * cells.slot + 1) * level.half_turn
-    turned = level.half_turn + half[:, 2] + level.half_gauge
-    off_a = np.maximum(np.abs(turn) - level.half_turn, 0)
-    off_b = np.maximum(np.abs(wrap_angle(turn + middle[:, 2] - gauge)) - turned, 0)
-    spin, spin_b, shift = np.exp(1j * turn), np.exp(1j * (turn + middle[:, 2])), complex_of(middle)
-    reach = np.hypot(half[:, 0], half[:, 1])
-    centres, radii = [], []
-    for which in (0, -1):
-        a, b = complex_of(stage.roots_a[which]), complex_of(stage.roots_b[which])
-        arm = shift - a
-        centres.append(spin * arm + (spin_b - np.exp(1j * gauge)) * b + a)
-        radii.append(reach + np.abs(arm) * level.half_turn + np.abs(b) * turned)
-    unary = stage.weight_a * one_less_cos(off_a) + stage.weight_b * one_less_cos(off_b)
-    return _CellBounds(np.asarray(unary), centres[0], centres[1], np.maximum(radii[0], radii[1]))
-
-
-@njit(cache=True, nogil=True)
-def _cheapest_step(
-    value: FloatArray,
-    source: ComplexArray,
-    target: ComplexArray,
-    source_radius: FloatArray,
-    target_radius: FloatArray,
-    budget: float,
-) -> tuple[FloatArray, IntArray]:
-    """The least over i of value_i + 1/2 max(0, |target_j - source_i| - radii)^2, for every j; and which i.
-
-    Sources too far away along x for the budget are not looked at.
-    """
-    least = np.full(target.shape[0], np.inf)
-    nearest = np.zeros(target.shape[0], np.int64)
-    order = np.argsort(source.real)
-    along = source.real[order]
-    reach = np.sqrt(2 * budget) + source_radius.max()
-    for j in range(target.shape[0]):
-        first = np.searchsorted(along, target[j].real - reach - target_radius[j])
-        stop = np.searchsorted(along, target[j].real + reach + target_radius[j], side="right")
-        for at in range(first, stop):
-            i = order[at]
-            if value[i] >= least[j]:
-                continue
-            far = max(0.0, abs(target[j] - source[i]) - source_radius[i] - target_radius[j])
-            cost = value[i] + 0.5 * far * far
-            if cost < least[j]:
-                least[j] = cost
-                nearest[j] = i
-    return least, nearest
+def _refined(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, finer: _Level) -> tuple[Blocks, _Cells]:
+    """Cut every cell to the finer level, and the branches too where their gauge is halved."""
+    if finer.blocks == level.blocks:
+        fine, child_starts = blocks, np.arange(len(blocks) + 1)
+    else:
+        used = np.flatnonzero(np.bincount(cells.block, minlength=len(blocks)))
+        fine, child_starts = smaller_blocks(problem.curves, blocks, used, problem.pool)
+    sides = round(level.half_turn / finer.half_turn)
+    stops = np.concatenate([[0], np.cumsum(np.diff(child_starts)[cells.block] * sides)])
+    block, slot = split_cells(cells.block, cells.slot, child_starts, sides, int(stops[-1]))
+    gauges, bounds = cells.gauges, stops[cells.bounds]
+    if finer.half_gauge == level.half_gauge:
+        return fine, _Cells(gauges, bounds, block, slot)
+    gauges = np.concatenate([gauges - finer.half_gauge, gauges + finer.half_gauge])
+    return fine, _Cells(gauges, np.concatenate([bounds, bounds + len(block)]), np.tile(block, 2), np.tile(slot, 2))

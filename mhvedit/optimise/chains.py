@@ -4,19 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.spatial import cKDTree
 
-from mhvedit.geometry.arrays import FloatArray, IntArray
-from mhvedit.geometry.planar import rotation
+from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.stages import Stage
+from mhvedit.optimise.steps import cheapest_step, exactly
 
-ComplexArray = NDArray[np.complex128]
-
-SAMPLE = 500  # solutions a stage when looking for a first chain
-NEAR = np.radians(12)  # yaw against the gauge of solutions that a first chain may use
+SAMPLE = 300  # solutions a stage when looking for a first chain
+NEAR = float(np.radians(8))  # yaw against the gauge of solutions that a first chain may use
 MOST_POLISHES = 20
+MOST_STEPS = 200  # of Newton's method
+LEAST_DAMPING = 1e-6  # m^2, of its steps
+SETTLED = 1e-7  # rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,10 +34,12 @@ class StageCosts:
     """One stage with both origins moved to the middle of all roots, so that a turn moves the roots little."""
 
     keys: IntArray  # (S, 3) on the pose lattice
-    shifts: FloatArray  # (S, 2) m, B's origin in A's frame
+    shifts: ComplexArray  # (S,) m, B's origin in A's frame
     yaws: FloatArray  # (S,) rad
-    roots_a: FloatArray  # (n, 2) m
-    roots_b: FloatArray  # (n, 2) m
+    by_yaw: IntArray  # (S,) rows, those of one yaw together, each yaw's ascending
+    yaw_starts: IntArray  # (K + 1,) where each yaw starts in `by_yaw`
+    roots_a: ComplexArray  # (2,) m, first and last
+    roots_b: ComplexArray  # (2,) m
     weight_a: float  # m^2, of 1 - cos(turn)
     weight_b: float  # m^2, of 1 - cos(turn + yaw - gauge)
 
@@ -50,20 +51,34 @@ def stage_costs(stages: Sequence[Stage], *, facing_weight: float) -> tuple[Stage
         stages: in order.
         facing_weight: lambda, m^2.
     """
-    middle_a = np.concatenate([s.roots_a for s in stages]).mean(0)
-    middle_b = np.concatenate([s.roots_b for s in stages]).mean(0)
+    middle_a = complex_of(np.concatenate([s.roots_a for s in stages])).mean()
+    middle_b = complex_of(np.concatenate([s.roots_b for s in stages])).mean()
     prepared = []
     for s in stages:
         inner = [2 * float((np.diff(roots, axis=0) ** 2).sum()) for roots in (s.roots_a, s.roots_b)]
         facing = 2 * facing_weight * len(s.names)
-        shifts = s.poses[:, :2] + rotation(s.poses[:, 2]) @ middle_b - middle_a
-        roots = s.roots_a - middle_a, s.roots_b - middle_b
-        weights = facing + inner[0], facing + inner[1]
-        prepared.append(StageCosts(s.keys, shifts, s.poses[:, 2], *roots, *weights))
+        yaws = s.poses[:, 2]
+        by_yaw = np.argsort(s.keys[:, 2].astype(np.int16), kind="stable")
+        turned = s.keys[by_yaw, 2]
+        yaw_of_key = np.zeros(turned[-1] + 1)
+        yaw_of_key[s.keys[:, 2]] = yaws
+        prepared.append(
+            StageCosts(
+                keys=s.keys,
+                shifts=complex_of(s.poses) + (np.exp(1j * yaw_of_key) * middle_b - middle_a)[s.keys[:, 2]],
+                yaws=yaws,
+                by_yaw=by_yaw,
+                yaw_starts=np.append(np.flatnonzero(np.diff(turned, prepend=-1)), len(turned)),
+                roots_a=complex_of(s.roots_a[[0, -1]]) - middle_a,
+                roots_b=complex_of(s.roots_b[[0, -1]]) - middle_b,
+                weight_a=facing + inner[0],
+                weight_b=facing + inner[1],
+            )
+        )
     return tuple(prepared)
 
 
-def change_of_offset(stage: StageCosts, rows: IntArray, turn: FloatArray, gauge: float, which: int) -> FloatArray:
+def change_of_offset(stage: StageCosts, rows: IntArray, turn: FloatArray, gauge: float, which: int) -> ComplexArray:
     """The change e = d - D at the stage's first (0) or last (-1) roots.
 
     Args:
@@ -74,12 +89,15 @@ def change_of_offset(stage: StageCosts, rows: IntArray, turn: FloatArray, gauge:
         which: 0 or -1.
 
     Returns:
-        (N, 2) m.
+        (N,) m.
     """
-    a, b = stage.roots_a[which], stage.roots_b[which]
-    yaws = stage.yaws[rows]
-    placed = (rotation(turn) @ (stage.shifts[rows] - a)[:, :, None])[..., 0] + rotation(turn + yaws) @ b
-    return np.asarray(placed - rotation(gauge) @ b + a)
+    kept = np.exp(1j * gauge) * stage.roots_b[which] - stage.roots_a[which]
+    return np.asarray(np.exp(1j * turn) * vectors(stage, rows, which) - kept)
+
+
+def vectors(stage: StageCosts, rows: IntArray, which: int) -> ComplexArray:
+    """(N,) m, from A's root to B's in A's frame, of some solutions, at the first (0) or last (-1) roots."""
+    return np.asarray(stage.shifts[rows] + np.exp(1j * stage.yaws[rows]) * stage.roots_b[which] - stage.roots_a[which])
 
 
 def facing_cost(stage: StageCosts, mismatch: FloatArray, turn: FloatArray) -> FloatArray:
@@ -99,7 +117,7 @@ def cheapest_turn(stage: StageCosts, mismatch: FloatArray) -> FloatArray:
 
 def chain_cost(stages: Sequence[StageCosts], chosen: IntArray, turns: FloatArray, gauge: float) -> float:
     """The cost of a chain (Shi et al., eq. 16, positions eliminated)."""
-    return _cost_and_slope(_picked(stages, chosen), np.concatenate([[gauge], turns]))[0]
+    return _cost(_picked(stages, chosen), np.concatenate([[gauge], turns]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,60 +132,81 @@ class _Picked:
 
 
 def _picked(stages: Sequence[StageCosts], chosen: IntArray) -> _Picked:
-    shifts = complex_of(np.array([s.shifts[r] for s, r in zip(stages, chosen, strict=True)]))
-    roots_a = complex_of(np.array([[s.roots_a[which] for s in stages] for which in (0, -1)]))
+    roots_a = np.array([s.roots_a for s in stages]).T
     return _Picked(
         yaws=np.array([s.yaws[r] for s, r in zip(stages, chosen, strict=True)]),
-        arms=shifts - roots_a,
+        arms=np.array([s.shifts[r] for s, r in zip(stages, chosen, strict=True)]) - roots_a,
         roots_a=roots_a,
-        roots_b=complex_of(np.array([[s.roots_b[which] for s in stages] for which in (0, -1)])),
+        roots_b=np.array([s.roots_b for s in stages]).T,
         weights=np.array([[s.weight_a for s in stages], [s.weight_b for s in stages]]),
     )
 
 
 def complex_of(points: FloatArray) -> ComplexArray:
-    """Points (..., 2) as x + iy, so that turning is a product."""
+    """Points (..., 2 or more) as x + iy, so that turning is a product."""
     return np.asarray(points[..., 0] + 1j * points[..., 1])
 
 
-def _cost_and_slope(picked: _Picked, free: FloatArray) -> tuple[float, FloatArray]:
-    """The cost and its derivative by (gauge, turns)."""
+def _cost(picked: _Picked, free: FloatArray) -> float:
+    """The cost at (gauge, turns)."""
+    off, change = _changes(picked, free)[:2]
+    step = change[0, 1:] - change[1, :-1]
+    return float((picked.weights * one_less_cos(off)).sum() + 0.5 * (np.abs(step) ** 2).sum())
+
+
+def _changes(picked: _Picked, free: FloatArray) -> tuple[FloatArray, ComplexArray, ComplexArray, ComplexArray]:
+    """All (2, G): turns of A and B; then, first and last, changes e, turned vectors between roots, kept roots of B."""
     gauge, turns = free[0], free[1:]
     off = np.stack([turns, turns + picked.yaws - gauge])
     turned = np.exp(1j * turns) * (picked.arms + np.exp(1j * picked.yaws) * picked.roots_b)
     kept = np.exp(1j * gauge) * picked.roots_b
-    change = turned - kept + picked.roots_a
+    return off, turned - kept + picked.roots_a, turned, kept
+
+
+def _slope_and_curvature(picked: _Picked, free: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First and second derivatives of the cost by (gauge, turns)."""
+    off, change, turned, kept = _changes(picked, free)
     step = change[0, 1:] - change[1, :-1]
-    pull = picked.weights * np.sin(off)
-    by_turn = pull.sum(0)
-    by_turn[1:] -= (np.conj(step) * turned[0, 1:]).imag
-    by_turn[:-1] += (np.conj(step) * turned[1, :-1]).imag
-    by_gauge = (np.conj(step) * (kept[0, 1:] - kept[1, :-1])).imag.sum() - pull[1].sum()
-    cost = float((picked.weights * one_less_cos(off)).sum() + 0.5 * (np.abs(step) ** 2).sum())
-    return cost, np.concatenate([[by_gauge], by_turn])
+    pull, spring = picked.weights * np.sin(off), picked.weights * np.cos(off)
+    count = len(step)
+    by_free = np.zeros((count, len(free)), np.complex128)  # of each step
+    here = np.arange(count)
+    by_free[:, 0] = -1j * (kept[0, 1:] - kept[1, :-1])
+    by_free[here, here + 2] = 1j * turned[0, 1:]
+    by_free[here, here + 1] = -1j * turned[1, :-1]
+    slope = (np.conj(step) @ by_free).real
+    slope[0] -= pull[1].sum()
+    slope[1:] += pull.sum(0)
+    curvature = (np.conj(by_free.T) @ by_free).real
+    curvature[np.diag_indices(len(free))] += (np.conj(step) @ (1j * by_free)).real
+    curvature[0, 0] += spring[1].sum()
+    inner = np.arange(1, len(free))
+    curvature[inner, inner] += spring.sum(0)
+    curvature[0, 1:] -= spring[1]
+    curvature[1:, 0] -= spring[1]
+    return slope, curvature
 
 
 def cheapest_chain(
-    unary: Sequence[FloatArray], first: Sequence[FloatArray], last: Sequence[FloatArray]
+    unary: Sequence[FloatArray], first: Sequence[ComplexArray], last: Sequence[ComplexArray], budget: float = np.inf
 ) -> tuple[IntArray, float]:
     """The best choice of a state per stage, exactly: each step of the recursion is a nearest-neighbour query.
 
     Args:
         unary: G of (S,) cost of each state, m^2.
-        first: G of (S, 2) e at the stage's first roots, m.
-        last: G of (S, 2) e at its last roots.
+        first: G of (S,) e at the stage's first roots, m.
+        last: G of (S,) e at its last roots.
+        budget: m^2; chains that cost more need not be told apart.
 
     Returns:
         (G,) states, and the cost.
     """
-    value = np.array(unary[0])
+    value = np.asarray(unary[0], np.float64)
     back: list[IntArray] = []
     for g in range(1, len(unary)):
-        lift = np.sqrt(2 * (value - value.min()))
-        tree = cKDTree(np.column_stack([last[g - 1], lift]))
-        far, nearest = tree.query(np.column_stack([first[g], np.zeros(len(first[g]))]))
-        back.append(np.asarray(nearest, np.int64))
-        value = unary[g] + value.min() + 0.5 * far**2
+        least, nearest = cheapest_step(value, exactly(last[g - 1]), exactly(first[g]), budget)
+        back.append(nearest)
+        value = unary[g] + least
     state = int(np.argmin(value))
     states = [state]
     for nearest in reversed(back):
@@ -175,23 +214,17 @@ def cheapest_chain(
     return np.array(states[::-1]), float(value[state])
 
 
-def first_chain(stages: Sequence[StageCosts], *, yaw_step: float) -> Chain:
-    """A good chain to start from: every gauge on the lattice, a sample of the solutions that nearly fit it."""
-    best = None
-    orders = [np.argsort(stage.yaws, kind="stable") for stage in stages]
-    for gauge in np.arange(0, 2 * np.pi, yaw_step):
-        rows = [_sample(stage, order, gauge) for stage, order in zip(stages, orders, strict=True)]
-        if any(len(r) == 0 for r in rows):
-            continue
+def first_chain(stages: Sequence[StageCosts]) -> Chain:
+    """A good chain to start from: gauges all around, and at each a sample of the solutions that fit it best."""
+    best: tuple[float, IntArray, float] | None = None
+    for gauge in np.arange(0, 2 * np.pi, NEAR).tolist():
+        rows = [_sample(stage, gauge) for stage in stages]
         turns = [cheapest_turn(s, s.yaws[r] - gauge) for s, r in zip(stages, rows, strict=True)]
-        states, cost = _best_of(stages, rows, turns, gauge)
-        if best is None or cost < best.cost:
-            chosen = np.array([r[i] for r, i in zip(rows, states, strict=True)])
-            best = Chain(chosen, np.array([t[i] for t, i in zip(turns, states, strict=True)]), float(gauge), cost)
-    if best is None:
-        chosen = np.zeros(len(stages), np.int64)
-        best = Chain(chosen, np.zeros(len(stages)), float(stages[0].yaws[0]), np.inf)
-    return polished(stages, best.chosen, best.gauge)
+        states, cost = _best_of(stages, rows, turns, gauge, np.inf)
+        if best is None or cost < best[0]:
+            best = cost, np.array([r[i] for r, i in zip(rows, states, strict=True)]), gauge
+    assert best is not None
+    return polished(stages, best[1], best[2])
 
 
 def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
@@ -200,7 +233,7 @@ def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Ch
     for _ in range(MOST_POLISHES):
         rows = [_affordable(s, t, best) for s, t in zip(stages, best.turns, strict=True)]
         turns = [np.full(len(r), t) for r, t in zip(rows, best.turns, strict=True)]
-        states, cost = _best_of(stages, rows, turns, best.gauge)
+        states, cost = _best_of(stages, rows, turns, best.gauge, best.cost * (1 + 1e-9))
         if cost >= best.cost * (1 - 1e-9):
             return best
         better = with_best_turns(stages, np.array([r[i] for r, i in zip(rows, states, strict=True)]), best.gauge)
@@ -220,38 +253,58 @@ def with_best_turns(stages: Sequence[StageCosts], chosen: IntArray, gauge: float
     """
     start = [float(cheapest_turn(s, s.yaws[[r]] - gauge)[0]) for s, r in zip(stages, chosen, strict=True)]
     picked = _picked(stages, chosen)
-    guess = np.array([gauge, *start])
-    found = minimize(_cost_and_slope_at, guess, args=(picked,), jac=True, method="BFGS", tol=1e-12)
-    cost, kept = min(((_cost_and_slope(picked, x)[0], x) for x in (guess, found.x)), key=lambda pair: pair[0])
-    return Chain(chosen, kept[1:], float(kept[0]), cost)
-
-
-def _cost_and_slope_at(free: FloatArray, picked: _Picked) -> tuple[float, FloatArray]:
-    return _cost_and_slope(picked, free)
+    free = np.array([gauge, *start])
+    cost, damping = _cost(picked, free), LEAST_DAMPING
+    for _ in range(MOST_STEPS):
+        slope, curvature = _slope_and_curvature(picked, free)
+        values, directions = np.linalg.eigh(curvature)
+        step = -directions @ ((directions.T @ slope) / (np.abs(values) + damping))
+        if (tried := _cost(picked, free + step)) < cost:
+            free, cost, damping = free + step, tried, 0.1 * damping
+        elif np.abs(step).max() < SETTLED:
+            break
+        else:
+            damping = 10 * max(damping, LEAST_DAMPING)
+    return Chain(chosen, free[1:], float(free[0]), cost)
 
 
 def _best_of(
-    stages: Sequence[StageCosts], rows: Sequence[IntArray], turns: Sequence[FloatArray], gauge: float
+    stages: Sequence[StageCosts], rows: Sequence[IntArray], turns: Sequence[FloatArray], gauge: float, budget: float
 ) -> tuple[IntArray, float]:
     triples = list(zip(stages, rows, turns, strict=True))
     return cheapest_chain(
         [facing_cost(s, s.yaws[r] - gauge, t) for s, r, t in triples],
         [change_of_offset(s, r, t, gauge, 0) for s, r, t in triples],
         [change_of_offset(s, r, t, gauge, -1) for s, r, t in triples],
+        budget,
     )
 
 
 def _affordable(stage: StageCosts, turn: float, best: Chain) -> IntArray:
     """Solutions whose facing alone does not already cost more than the chain."""
-    every = facing_cost(stage, stage.yaws - best.gauge, np.full(len(stage.yaws), turn))
-    return np.flatnonzero(every <= best.cost * (1 + 1e-9))
+    mismatch = yaws_of(stage) - best.gauge
+    every = facing_cost(stage, mismatch, np.full(len(mismatch), turn))
+    return rows_of_yaws(stage, every <= best.cost * (1 + 1e-9))
 
 
-def _sample(stage: StageCosts, order: IntArray, gauge: float) -> IntArray:
-    """Some of the solutions whose yaw, in which `order` sorts them, is near the gauge."""
-    yaws = stage.yaws[order]
-    turns = np.arange(np.floor((yaws[0] - gauge) / (2 * np.pi)), np.ceil((yaws[-1] - gauge) / (2 * np.pi)) + 1)
-    starts = np.searchsorted(yaws, gauge + 2 * np.pi * turns - NEAR)
-    stops = np.searchsorted(yaws, gauge + 2 * np.pi * turns + NEAR, side="right")
-    near = np.concatenate([order[start:stop] for start, stop in zip(starts, stops, strict=True)])
-    return np.sort(near)[:: max(1, len(near) // SAMPLE)]
+def _sample(stage: StageCosts, gauge: float) -> IntArray:
+    """Some of the solutions whose yaw is near the gauge, or nearest to it."""
+    away = np.abs(wrap_angle(yaws_of(stage) - gauge))
+    near = rows_of_yaws(stage, away <= max(NEAR, float(away.min())))
+    return near[:: max(1, len(near) // SAMPLE)]
+
+
+def yaws_of(stage: StageCosts) -> FloatArray:
+    """(K,) rad, all yaws that a stage's solutions have."""
+    return np.asarray(stage.yaws[stage.by_yaw[stage.yaw_starts[:-1]]])
+
+
+def rows_of_yaws(stage: StageCosts, wanted: BoolArray) -> IntArray:
+    """The solutions of some of a stage's yaws.
+
+    Args:
+        stage: of the chain.
+        wanted: (K,) which yaws.
+    """
+    runs = [stage.by_yaw[stage.yaw_starts[k] : stage.yaw_starts[k + 1]] for k in np.flatnonzero(wanted)]
+    return np.concatenate([np.zeros(0, np.int64), *runs])

@@ -13,8 +13,8 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.optimise.branching import best_chain
-from mhvedit.optimise.chains import Chain
-from mhvedit.optimise.stages import Stage, pose_codes, rows_of
+from mhvedit.optimise.chains import Chain, stage_costs
+from mhvedit.optimise.stages import Stage, common_codes, pose_codes
 from mhvedit.optimise.ties import deepest_chain
 
 
@@ -45,18 +45,18 @@ def best_placements(stages: Sequence[Stage], *, facing_weight: float, step: floa
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
     """
-    common = pose_codes(stages[0].keys)
-    for stage in stages[1:]:
-        common = np.intersect1d(common, pose_codes(stage.keys))
+    codes = [pose_codes(stage.keys) for stage in stages]
+    common = common_codes(codes)
     if len(common):
-        rows = [rows_of(pose_codes(stage.keys), common) for stage in stages]
+        rows = [np.searchsorted(own, common) for own in codes]
         merit = np.min([stage.merit[row] for stage, row in zip(stages, rows, strict=True)], axis=0)
         best = int(np.argmax(merit))
         chosen = np.array([row[best] for row in rows])
         gauge = float(stages[0].poses[chosen[0], 2])
         return _placed(stages, Chain(chosen, np.zeros(len(stages)), gauge, 0.0, 0.0), equals=len(common))
-    chain = best_chain(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
-    return _placed(stages, deepest_chain(stages, chain, facing_weight=facing_weight, n_yaw=n_yaw), equals=1)
+    costs = stage_costs(stages, facing_weight=facing_weight)
+    chain = best_chain(costs, step=step, n_yaw=n_yaw)
+    return _placed(stages, deepest_chain(costs, [stage.merit for stage in stages], chain, n_yaw=n_yaw), equals=1)
 
 
 def _placed(stages: Sequence[Stage], chain: Chain, *, equals: int) -> KeyPlacements:

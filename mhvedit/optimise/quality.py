@@ -8,6 +8,7 @@ between them. The first is telling and strong where the hold is long enough; the
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import rotation
@@ -77,9 +78,21 @@ def opposition(contact: ContactMotion, poses: FloatArray) -> FloatArray:
         (S,).
     """
     middle = len(contact.part_a) // 2
-    turn = rotation(poses[:, 2])
-    touch = 0.5 * (turn @ contact.part_b[middle, :2] + poses[:, :2] + contact.part_a[middle, :2])
-    to_a = contact.root_a - touch
-    to_b = turn @ contact.root_b + poses[:, :2] - touch
-    lengths = np.linalg.norm(to_a, axis=1) * np.linalg.norm(to_b, axis=1)
-    return np.asarray(1 + (to_a * to_b).sum(1) / np.maximum(lengths, 1e-9))
+    parts = contact.part_a[middle], contact.part_b[middle]
+    return np.asarray(_opposition(poses, *parts, contact.root_a, contact.root_b))
+
+
+@njit(cache=True, nogil=True)
+def _opposition(
+    poses: FloatArray, part_a: FloatArray, part_b: FloatArray, root_a: FloatArray, root_b: FloatArray
+) -> FloatArray:
+    out = np.empty(poses.shape[0])
+    for s in range(poses.shape[0]):
+        x, y, c, n = poses[s, 0], poses[s, 1], np.cos(poses[s, 2]), np.sin(poses[s, 2])
+        touch_x = 0.5 * (c * part_b[0] - n * part_b[1] + x + part_a[0])
+        touch_y = 0.5 * (n * part_b[0] + c * part_b[1] + y + part_a[1])
+        a_x, a_y = root_a[0] - touch_x, root_a[1] - touch_y
+        b_x, b_y = c * root_b[0] - n * root_b[1] + x - touch_x, n * root_b[0] + c * root_b[1] + y - touch_y
+        lengths = np.sqrt((a_x * a_x + a_y * a_y) * (b_x * b_x + b_y * b_y))
+        out[s] = 1 + (a_x * b_x + a_y * b_y) / max(lengths, 1e-9)
+    return out

@@ -5,6 +5,7 @@ on one lattice, so the intersection is exact.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from mhvedit.search.groups import SolutionGroup
 
 YAW_BITS = 12
 REACH = 1 << 24
+THREADS = 2
 
 
 class NoSolution(MhveditError, ValueError):
@@ -70,7 +72,8 @@ def stages_of(segments: Sequence[KeySegment], adjoins: Sequence[bool]) -> tuple[
             runs[-1].append(segment)
         else:
             runs.append([segment])
-    return tuple(_stage(run) for run in runs)
+    with ThreadPoolExecutor(THREADS) as pool:
+        return tuple(pool.map(_stage, runs))
 
 
 def pose_codes(keys: IntArray) -> IntArray:
@@ -84,15 +87,22 @@ def rows_of(codes: IntArray, wanted: IntArray) -> IntArray:
     return np.asarray(order[np.searchsorted(codes[order], wanted)])
 
 
+def common_codes(codes: Sequence[IntArray]) -> IntArray:
+    """Codes, each set without repetition, that all sets hold, ascending; the smallest sets are compared first."""
+    common, *others = sorted(codes, key=len)
+    for other in others:
+        common = np.intersect1d(common, other, assume_unique=True)
+    return common
+
+
 def _stage(run: Sequence[KeySegment]) -> Stage:
     codes = [pose_codes(segment.group.keys) for segment in run]
-    common = codes[0]
-    for other in codes[1:]:
-        common = np.intersect1d(common, other)
-    common = np.sort(common)
+    orders = [np.argsort(own, kind="stable") for own in codes]
+    ascending = [own[order] for own, order in zip(codes, orders, strict=True)]
+    common = common_codes(ascending)
     if len(common) == 0:
         raise NoSolution([segment.name for segment in run])
-    rows = [rows_of(own, common) for own in codes]
+    rows = [order[np.searchsorted(own, common)] for own, order in zip(ascending, orders, strict=True)]
     merit = np.min([segment.merit[row] for segment, row in zip(run, rows, strict=True)], axis=0)
     return Stage(
         names=tuple(segment.name for segment in run),

@@ -1,0 +1,162 @@
+"""Blocks of the pose lattice, each cut into smaller ones down to single poses.
+
+The solutions of a stage are sorted once along a curve that fills the lattice, on which every block of every size is one
+run. A block knows the disc in which the vectors from A's root to B's root of all its solutions lie.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
+from mhvedit.optimise.chains import StageCosts, vectors
+
+COARSEST = 5  # level of the largest blocks: 32 steps of x and y
+YAW_LEVEL = 2  # levels up to this one hold a single step of yaw
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """The solutions of one stage along the curve."""
+
+    codes: IntArray  # (S,) place on the curve, ascending
+    rows: IntArray  # (S,) of the stage
+    first: ComplexArray  # (S,) m, from A's to B's first root, A standing as it was
+    last: ComplexArray  # (S,) m, and between the last roots
+    yaws: FloatArray  # (S,) rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Blocks of one level, of all stages one after the other."""
+
+    level: int
+    stage: IntArray  # (N,)
+    run: IntArray  # (N, 2) start and stop along the stage's curve
+    first: ComplexArray  # (N,) m, middle of the vectors between the stage's first roots
+    last: ComplexArray  # (N,) m, and between its last
+    radius: FloatArray  # (N,) m, of the discs around both
+    yaw: FloatArray  # (N,) rad, middle of the yaws
+    half_yaw: FloatArray  # (N,) rad
+
+    def __len__(self) -> int:
+        return len(self.stage)
+
+
+def curve_of(stage: StageCosts) -> Curve:
+    """Sort the solutions of a stage along the curve."""
+    keys = stage.keys - np.array([*stage.keys[:, :2].min(0), 0])
+    codes = _codes(np.ascontiguousarray(keys))
+    rows = np.argsort(codes, kind="stable")
+    first, last = (vectors(stage, rows, which) for which in (0, -1))
+    return Curve(codes[rows], rows, first, first if np.array_equal(first, last) else last, stage.yaws[rows])
+
+
+def coarsest_blocks(curves: Sequence[Curve], pool: ThreadPoolExecutor) -> Blocks:
+    """The largest blocks of all stages.
+
+    Args:
+        curves: of all stages.
+        pool: of threads.
+    """
+    runs = []
+    for curve in curves:
+        starts = np.flatnonzero(np.diff(curve.codes >> _bits(COARSEST), prepend=-1))
+        runs.append(np.column_stack([starts, np.append(starts[1:], len(curve.codes))]))
+    return _described(curves, pool, COARSEST, runs)
+
+
+def smaller_blocks(
+    curves: Sequence[Curve], blocks: Blocks, used: IntArray, pool: ThreadPoolExecutor
+) -> tuple[Blocks, IntArray]:
+    """Cut some blocks into those of the next level.
+
+    Args:
+        curves: of all stages.
+        blocks: not of single poses.
+        used: (N,) rows of the blocks, ascending.
+        pool: of threads.
+
+    Returns:
+        The smaller ones, and (B + 1,) where those of each block start; those not used have none.
+    """
+    bits = _bits(blocks.level - 1)
+    own = [used[blocks.stage[used] == g] for g in range(len(curves))]
+    cut = list(pool.map(lambda curve, mine: _cut(curve.codes, blocks.run[mine], bits), curves, own))
+    count = np.zeros(len(blocks) + 1, np.int64)
+    for mine, (_, per_block) in zip(own, cut, strict=True):
+        count[mine + 1] = per_block
+    return _described(curves, pool, blocks.level - 1, [run for run, _ in cut]), np.cumsum(count)
+
+
+def _described(curves: Sequence[Curve], pool: ThreadPoolExecutor, level: int, runs: Sequence[IntArray]) -> Blocks:
+    parts = pool.map(lambda curve, run: _discs(curve.first, curve.last, curve.yaws, run), curves, runs)
+    first, last, radius, yaw, half_yaw = (np.concatenate(column) for column in zip(*parts, strict=True))
+    stage = np.repeat(np.arange(len(curves)), [len(run) for run in runs])
+    return Blocks(level, stage, np.concatenate(runs), first, last, radius, yaw, half_yaw)
+
+
+def _bits(level: int) -> int:
+    """How many bits of a code tell apart what is inside a block."""
+    return 2 * level + max(level - YAW_LEVEL, 0)
+
+
+@njit(cache=True, nogil=True)
+def _codes(keys: IntArray) -> IntArray:
+    """Place on the curve of poses (S, 3) that are not negative."""
+    codes = np.empty(keys.shape[0], np.int64)
+    for i in range(keys.shape[0]):
+        x, y, k = keys[i, 0], keys[i, 1], keys[i, 2]
+        code = ((x >> COARSEST) << 20 | (y >> COARSEST)) << 12 | (k >> (COARSEST - YAW_LEVEL))
+        for bit in range(COARSEST - 1, -1, -1):
+            if bit >= YAW_LEVEL:
+                code = code << 1 | (k >> (bit - YAW_LEVEL) & 1)
+            code = code << 2 | (x >> bit & 1) << 1 | (y >> bit & 1)
+        codes[i] = code
+    return codes
+
+
+@njit(cache=True, nogil=True)
+def _cut(codes: IntArray, run: IntArray, bits: int) -> tuple[IntArray, IntArray]:
+    """Where codes change within runs: the smaller runs, and how many each has."""
+    per_block = np.zeros(run.shape[0], np.int64)
+    for n in range(run.shape[0]):
+        for i in range(run[n, 0], run[n, 1]):
+            per_block[n] += i == run[n, 0] or codes[i] >> bits != codes[i - 1] >> bits
+    out = np.empty((per_block.sum(), 2), np.int64)
+    at = 0
+    for n in range(run.shape[0]):
+        for i in range(run[n, 0], run[n, 1]):
+            if i == run[n, 0] or codes[i] >> bits != codes[i - 1] >> bits:
+                out[at, 0] = i
+                at += 1
+            out[at - 1, 1] = i + 1
+    return out, per_block
+
+
+@njit(cache=True, nogil=True)
+def _discs(
+    first: ComplexArray, last: ComplexArray, yaws: FloatArray, run: IntArray
+) -> tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
+    """Middles of first and last, radius, yaw and half yaw of runs of solutions."""
+    count = run.shape[0]
+    middles = np.empty((2, count), np.complex128)
+    radius, yaw, half = np.zeros(count), np.empty(count), np.empty(count)
+    for n in range(count):
+        start, stop = run[n, 0], run[n, 1]
+        least, most = yaws[start], yaws[start]
+        for i in range(start, stop):
+            least, most = min(least, yaws[i]), max(most, yaws[i])
+        yaw[n], half[n] = 0.5 * (least + most), 0.5 * (most - least)
+        for which in range(2):
+            own = first if which == 0 else last
+            low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
+            for i in range(start, stop):
+                low_x, high_x = min(low_x, own[i].real), max(high_x, own[i].real)
+                low_y, high_y = min(low_y, own[i].imag), max(high_y, own[i].imag)
+            middles[which, n] = complex(0.5 * (low_x + high_x), 0.5 * (low_y + high_y))
+            radius[n] = max(radius[n], 0.5 * np.hypot(high_x - low_x, high_y - low_y))
+    return middles[0], middles[1], radius, yaw, half

@@ -1,0 +1,278 @@
+"""What chains through cells can cost at least: the kernels of branching.
+
+The vector between the roots of a stage, d = e^(i turn) r, lies in a disc for each cell. A step between two stages costs
+half the square of |d' - d - e^(i gauge) kept_b + kept_a|. The part of a cell's width that a view does not let move is
+accounted for once, in the loss.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
+from mhvedit.optimise.steps import Places, cheapest_step
+
+STIFFNESS = 1e-9  # m^2, no less counts
+
+
+class Links(NamedTuple):
+    """What the cost of a chain is made of besides its poses; a tuple, since kernels take it."""
+
+    weight_a: FloatArray  # (G,) m^2
+    weight_b: FloatArray  # (G,) m^2
+    kept_a: ComplexArray  # (G - 1,) m, from A's last root of a stage to its first of the next
+    kept_b: ComplexArray  # (G - 1,) m, of B
+
+
+@njit(cache=True, nogil=True)
+def loss_of(links: Links, reach: FloatArray, flat_turn: float, flat_gauge: float, budget: float) -> float:
+    """How much less than in the middle of its cells a chain can cost at its best turns and gauge, which are in them.
+
+    The slope is 0 there, so it is half of the second derivative along the way, at most.
+
+    Args:
+        links: between stages.
+        reach: (G,) m, no vector between roots is longer.
+        flat_turn: rad, half the width of the cells.
+        flat_gauge: rad, half the width of the branches.
+        budget: m^2; chains that cost more at their best do not count.
+    """
+    total = 0.0
+    for g in range(reach.shape[0]):
+        total += links.weight_a[g] * flat_turn**2 + links.weight_b[g] * (flat_turn + flat_gauge) ** 2
+        if g > 0:
+            both, kept = reach[g - 1] + reach[g], abs(links.kept_b[g - 1])
+            move = both * flat_turn + kept * flat_gauge
+            total += move**2 + (np.sqrt(2 * budget) + move) * (both * flat_turn**2 + kept * flat_gauge**2)
+    return 0.5 * total
+
+
+@njit(cache=True, nogil=True)
+def bound_branches(
+    branches: IntArray,
+    cells: tuple[FloatArray, IntArray, IntArray, IntArray],
+    blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
+    links: Links,
+    widths: tuple[float, float, float, float, float],
+    budget: float,
+    out: tuple[FloatArray, FloatArray, IntArray],
+) -> None:
+    """Bound some branches.
+
+    Args:
+        branches: (K,) which.
+        cells: gauges, bounds, block and slot of all.
+        blocks: first, last, radius, yaw and half yaw.
+        links: between stages.
+        widths: half turn, half gauge, most turn, and how much of the first two is left free to move, rad.
+        budget: m^2; what costs more need not be told apart.
+        out: (N,) least cost through each cell, (B,) of each branch, (B, G) blocks of its cheapest chain.
+    """
+    gauges, bounds, block, slot = cells
+    half_turn, half_gauge, _, wide_turn, wide_gauge = widths
+    through, least, chains = out
+    for b in branches:
+        start, stop = bounds[b, 0], bounds[b, -1]
+        at = bounds[b] - start
+        leave, arrive, unary, reach = _places(at, block[start:stop], slot[start:stop], gauges[b], blocks, links, widths)
+        loss = loss_of(links, reach, half_turn - wide_turn, half_gauge - wide_gauge, budget)
+        forward, came_from = _forward(at, leave, arrive, unary, budget + loss)
+        behind = _behind(at, leave, arrive, unary, forward, budget + loss)
+        through[start:stop] = forward + behind - loss
+        final = at[-2]
+        n = final + np.argmin(forward[final:])
+        least[b] = max(forward[n] - loss, 0.0)
+        if forward[n] <= budget + loss:
+            for g in range(at.shape[0] - 2, -1, -1):
+                chains[b, g] = block[start + n]
+                n = came_from[n]
+
+
+@njit(cache=True, nogil=True)
+def _places(
+    at: IntArray,
+    block: IntArray,
+    slot: IntArray,
+    gauge: float,
+    blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
+    links: Links,
+    widths: tuple[float, float, float, float, float],
+) -> tuple[Places, Places, FloatArray, FloatArray]:
+    """Of every cell where steps leave from and arrive at, and the least facing cost; of every stage the reach.
+
+    Arrivals are told so that a step is the difference of an arrival and a departure. What a turn away from the one that
+    faces best costs is shared by the steps on either side of a stage: that is what their places slide for.
+    """
+    first, last, radius, yaw, half_yaw = blocks
+    half_turn, _, most_turn, wide_turn, wide_gauge = widths
+    count, n_stages = block.shape[0], at.shape[0] - 1
+    leave, arrive = _unknown(count), _unknown(count)
+    unary, reach = np.empty(count), np.zeros(n_stages)
+    for g in range(n_stages):
+        move, slide = 0.0 + 0.0j, 0.0
+        if g > 0:
+            move = links.kept_a[g - 1] - np.exp(1j * gauge) * links.kept_b[g - 1]
+            slide = abs(links.kept_b[g - 1]) * wide_gauge
+        share = 0.5 if 0 < g < n_stages - 1 else 1.0
+        before = -1
+        for n in range(at[g], at[g + 1]):
+            k = block[n]
+            if before < 0 or slot[n] != slot[n - 1] or yaw[k] != yaw[before] or half_yaw[k] != half_yaw[before]:
+                turn = -most_turn + (2 * slot[n] + 1) * half_turn
+                mismatch = _wrapped(yaw[k] - gauge)
+                least, best, stiffness = _facing(
+                    links.weight_a[g], links.weight_b[g], turn, wide_turn, mismatch, half_yaw[k] + wide_gauge
+                )
+                give = 1 / np.sqrt(max(share * stiffness, STIFFNESS)) if wide_turn > 0 else 0.0
+                spin = np.exp(1j * turn)
+            before = k
+            unary[n] = least
+            _place(leave, n, spin * last[k], 0.0j, radius[k], wide_turn, best - turn, give)
+            _place(arrive, n, spin * first[k], move, radius[k] + slide, wide_turn, best - turn, give)
+            reach[g] = max(reach[g], abs(first[k]) + radius[k], abs(last[k]) + radius[k])
+    return leave, arrive, unary, reach
+
+
+@njit(cache=True, nogil=True)
+def _unknown(count: int) -> Places:
+    """Places to be filled in."""
+    return Places(
+        np.empty(count, np.complex128),
+        np.empty(count),
+        np.empty(count, np.complex128),
+        np.empty(count, np.complex128),
+        np.empty(count),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _place(
+    places: Places, n: int, arm: complex, move: complex, blur: float, half_turn: float, best: float, give: float
+) -> None:
+    """The end of an arm that turns by at most half_turn; it slides straight from where `best` leads, but for a bend."""
+    places.middle[n] = arm + move
+    places.radius[n] = blur + abs(arm) * half_turn
+    places.rest[n] = arm * complex(1.0, best) + move
+    places.slack[n] = arm * complex(0.0, give)
+    places.blur[n] = blur + 0.5 * abs(arm) * half_turn**2
+
+
+@njit(cache=True, nogil=True)
+def _facing(
+    weight_a: float, weight_b: float, turn: float, half_turn: float, mismatch: float, half_mismatch: float
+) -> tuple[float, float, float]:
+    """The least that facing costs over intervals of the turn and of the mismatch, the turn at which it does, and k.
+
+    At any other turn of the interval it is at least 1/2 k times the square of the way more.
+    """
+    least, best = np.inf, turn
+    if abs(turn) <= half_turn and abs(mismatch) <= half_mismatch:
+        least, best = 0.0, 0.0
+    for side in (-1, 1):
+        edge = mismatch + side * half_mismatch
+        here = -np.arctan2(weight_b * np.sin(edge), weight_a + weight_b * np.cos(edge))
+        here = turn + min(max(_wrapped(here - turn), -half_turn), half_turn)
+        cost = weight_a * _one_less_cos(here) + weight_b * _one_less_cos(here + edge)
+        if cost < least:
+            least, best = cost, here
+        edge = turn + side * half_turn
+        off = max(abs(_wrapped(edge + mismatch)) - half_mismatch, 0.0)
+        cost = weight_a * _one_less_cos(edge) + weight_b * _one_less_cos(off)
+        if cost < least:
+            least, best = cost, edge
+    stiffness = weight_a * np.cos(min(abs(turn) + half_turn, np.pi))
+    if half_mismatch == 0:
+        stiffness += weight_b * np.cos(min(abs(_wrapped(turn + mismatch)) + half_turn, np.pi))
+    return least, best, stiffness
+
+
+@njit(cache=True, nogil=True)
+def _wrapped(angle: float) -> float:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+@njit(cache=True, nogil=True)
+def _one_less_cos(angle: float) -> float:
+    return float(2 * np.sin(0.5 * angle) ** 2)
+
+
+@njit(cache=True, nogil=True)
+def _part(places: Places, start: int, stop: int) -> Places:
+    """The places of one stage; views."""
+    return Places(
+        places.middle[start:stop],
+        places.radius[start:stop],
+        places.rest[start:stop],
+        places.slack[start:stop],
+        places.blur[start:stop],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _forward(
+    at: IntArray, leave: Places, arrive: Places, unary: FloatArray, limit: float
+) -> tuple[FloatArray, IntArray]:
+    """The least cost of chains up to each cell, and the cell of the stage before that it comes from.
+
+    Cells that facing alone makes too dear are left out as targets.
+    """
+    value = unary.copy()
+    came_from = np.zeros(unary.shape[0], np.int64)
+    for g in range(1, at.shape[0] - 1):
+        for n in range(at[g], at[g + 1]):
+            if unary[n] > limit:
+                arrive.radius[n] = -1.0
+        source, target = _part(leave, at[g - 1], at[g]), _part(arrive, at[g], at[g + 1])
+        least, nearest = cheapest_step(value[at[g - 1] : at[g]], source, target, limit)
+        for n in range(at[g], at[g + 1]):
+            value[n] += least[n - at[g]]
+            came_from[n] = at[g - 1] + nearest[n - at[g]]
+    return value, came_from
+
+
+@njit(cache=True, nogil=True)
+def _behind(
+    at: IntArray, leave: Places, arrive: Places, unary: FloatArray, forward: FloatArray, limit: float
+) -> FloatArray:
+    """The least cost of what follows each cell; infinite where the whole is above the limit.
+
+    Cells that cost too much already on the way to them are left out, as targets and as sources.
+    """
+    behind = np.zeros(unary.shape[0])
+    for g in range(at.shape[0] - 2, 0, -1):
+        value = np.full(at[g + 1] - at[g], np.inf)
+        for n in range(at[g], at[g + 1]):
+            if forward[n] + behind[n] <= limit:
+                value[n - at[g]] = behind[n] + unary[n]
+        for n in range(at[g - 1], at[g]):
+            if forward[n] > limit:
+                leave.radius[n] = -1.0
+        source, target = _part(arrive, at[g], at[g + 1]), _part(leave, at[g - 1], at[g])
+        least, _ = cheapest_step(value, source, target, limit)
+        for n in range(at[g - 1], at[g]):
+            behind[n] = least[n - at[g - 1]]
+    return behind
+
+
+@njit(cache=True, nogil=True)
+def split_cells(
+    block: IntArray, slot: IntArray, child_starts: IntArray, sides: int, total: int
+) -> tuple[IntArray, IntArray]:
+    """Block and slot of every cell's parts: each smaller block, with each part of the turn.
+
+    Args:
+        block: (N,).
+        slot: (N,).
+        child_starts: (B + 1,) where the smaller blocks of each block start.
+        sides: parts of the turn.
+        total: how many parts there are.
+    """
+    fine, side_of = np.empty(total, np.int64), np.empty(total, np.int64)
+    at = 0
+    for n in range(block.shape[0]):
+        for child in range(child_starts[block[n]], child_starts[block[n] + 1]):
+            for side in range(sides):
+                fine[at], side_of[at] = child, sides * slot[n] + side
+                at += 1
+    return fine, side_of

@@ -1,0 +1,74 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mhvedit.geometry.arrays import FloatArray
+from mhvedit.optimise.steps import Places, cheapest_step, exactly
+
+SEEDS = st.integers(0, 2**32 - 1)
+SOME = settings(deadline=None, max_examples=60, derandomize=True)
+
+
+def some_places(rng: np.random.Generator, count: int) -> Places:
+    """In a cloud, on a line or in one place, known or not."""
+    spread, unknown = rng.choice([0.0, 0.1, 3.0], 2), rng.choice([0.0, 0.5])
+    middle = rng.normal(0, 1, count) * spread[0] + 1j * rng.normal(0, 1, count) * spread[1]
+    slack = unknown * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
+    rest = middle + unknown * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
+    return Places(middle, unknown * rng.random(count), rest, slack, 0.1 * unknown * rng.random(count))
+
+
+def plain_steps(source: Places, target: Places) -> FloatArray:
+    """(M, N) the greater of both bounds for every pair, by matrices."""
+    discs = np.abs(target.middle[:, None] - source.middle) - target.radius[:, None] - source.radius
+    out = np.empty(discs.shape)
+    for j, i in np.ndindex(discs.shape):
+        slacks = np.array([[p.real, p.imag] for p in (source.slack[i], target.slack[j])])
+        way = target.rest[j] - source.rest[i]
+        d = np.array([way.real, way.imag])
+        slides = np.sqrt(d @ np.linalg.solve(np.eye(2) + slacks.T @ slacks, d)) - source.blur[i] - target.blur[j]
+        out[j, i] = 0.5 * max(discs[j, i], slides, 0) ** 2
+    return out
+
+
+@given(SEEDS)
+@SOME
+def test_the_cheapest_step_is_the_least_of_all(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source, target = (some_places(rng, int(10 ** rng.uniform(0, 1.9))) for _ in range(2))
+    left_out = rng.random(len(target.radius)) < 0.1
+    value = rng.uniform(0, rng.choice([0.0, 1.0]), len(source.radius))
+    budget = float(rng.choice([0.05, 0.5, np.inf]))
+    every = value + plain_steps(source, target)
+    wanted = ~left_out & (every.min(1) <= budget)
+    asked = Places(target.middle, np.where(left_out, -1.0, target.radius), target.rest, target.slack, target.blur)
+    least, nearest = cheapest_step(value, source, asked, budget)
+    np.testing.assert_allclose(least, np.where(wanted, every.min(1), np.inf), rtol=1e-9, atol=1e-15)
+    assert ((nearest >= 0) == wanted).all()
+    np.testing.assert_allclose(every[wanted, nearest[wanted]], least[wanted], rtol=1e-9, atol=1e-15)
+
+
+@given(SEEDS)
+@SOME
+def test_sliding_costs_no_less_than_the_step_says(seed: int) -> None:
+    """Any two shares of the slacks that are taken, and any two places within the blurs."""
+    rng = np.random.default_rng(seed)
+    source, target = some_places(rng, 1), some_places(rng, 1)
+    source, target = (Places(p.rest, p.radius + 1e9, p.rest, p.slack, p.blur) for p in (source, target))
+    least = cheapest_step(np.zeros(1), source, target, np.inf)[0][0]
+    shares = rng.normal(0, 10.0 ** rng.integers(-2, 2), (2, 200))
+    blurs = np.sqrt(rng.random((2, 200))) * np.exp(2j * np.pi * rng.random((2, 200)))
+    ends = [p.rest + p.slack * s + p.blur * b for p, s, b in zip((source, target), shares, blurs, strict=True)]
+    cost = 0.5 * np.abs(ends[1] - ends[0]) ** 2 + 0.5 * (shares**2).sum(0)
+    assert (cost >= least * (1 - 1e-9)).all()
+
+
+def test_known_places_are_a_plain_way_apart() -> None:
+    least, nearest = cheapest_step(np.array([1.0, 0.0]), exactly(np.array([0j, 3j])), exactly(np.array([1j])), np.inf)
+    assert least.tolist() == [1.5] and nearest.tolist() == [0]
+
+
+def test_without_sources_nothing_is_reached() -> None:
+    nowhere, somewhere = exactly(np.zeros(0, np.complex128)), exactly(np.zeros(2, np.complex128))
+    least, nearest = cheapest_step(np.zeros(0), nowhere, somewhere, np.inf)
+    assert np.isinf(least).all() and nearest.tolist() == [-1, -1]
