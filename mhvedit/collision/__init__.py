@@ -1,0 +1,1 @@
+"""Detection of self-collision: limbs, box trees, triangles, depth; sphere groups and equipment."""
