@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 from mhvedit.geometry.arrays import ByteArray
 from mhvedit.view.style import INK
 
-FONT = "fonts/ttf/DejaVuSans.ttf"
+FONT = Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
 
 
 def captioned(picture: ByteArray, text: str) -> ByteArray:
@@ -24,9 +24,9 @@ def captioned(picture: ByteArray, text: str) -> ByteArray:
     draw = ImageDraw.Draw(image, "RGBA")
     height, width = picture.shape[:2]
     size = max(11, height // 22)
-    while size > 9 and draw.textlength(text, font=_font(size)) > width - 3 * size:
+    while size > 9 and draw.textlength(text, font=font_of(size)) > width - 3 * size:
         size -= 1
-    font = _font(size)
+    font = font_of(size)
     left, top, right, bottom = draw.textbbox((size, size), text, font=font)
     pad = size // 3
     draw.rounded_rectangle((left - pad, top - pad, right + pad, bottom + pad), radius=pad, fill=(255, 255, 255, 215))
@@ -60,10 +60,6 @@ def webp_bytes(picture: ByteArray, *, quality: int | None) -> bytes:
     return out.getvalue()
 
 
-def save_picture(picture: ByteArray, path: Path) -> None:
-    """Write a picture; the name's ending says how (.png, .webp, .jpg)."""
-    Image.fromarray(picture).save(path)
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / FONT), size)
+def font_of(size: int) -> ImageFont.FreeTypeFont:
+    """The font of words on pictures, of a size in pixels."""
+    return ImageFont.truetype(str(FONT), size)

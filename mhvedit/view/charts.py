@@ -93,13 +93,13 @@ def trajectories(scene: EditedScene, centres: Mapping[str, FloatArray]) -> Figur
         centres: by subject, (N, 2) m: its centre in each frame of the scene, in its capture's frame.
     """
     names = list(scene.subjects)
-    words = fill(" · ".join(f"{i + 1}\u00a0{s.name}" for i, s in enumerate(scene.segments)), 150)
+    words = fill(" · ".join(f"{i + 1}\u00a0{s.name}" for i, s in enumerate(scene.segments)), 145)
     figure = new_figure(13.0, 7.2)
-    figure.text(0.06, 0.02, words, fontsize=SMALL, color=MUTED, va="bottom")
+    figure.text(0.085, 0.02, words, fontsize=SMALL, color=MUTED, va="bottom")
     after = figure.add_axes((0.5, 0.175, 0.48, 0.765))
     for row, name in enumerate(names):
         high = (0.765 - 0.115 * (len(names) - 1)) / len(names)
-        before = figure.add_axes((0.06, 0.175 + (high + 0.115) * (len(names) - 1 - row), 0.36, high))
+        before = figure.add_axes((0.085, 0.175 + (high + 0.115) * (len(names) - 1 - row), 0.335, high))
         _draw_paths(before, scene, {name: centres[name]}, names, LABEL_GAP / high)
         dress(before, title=f"Before: {shorter(name, 16)} as captured", x="x, m", y="y, m")
         if row < len(names) - 1:

@@ -118,27 +118,34 @@ def placement_map(
     ways = figure.add_axes((0.437, 0.115, 0.3625, 0.793))
     dial = figure.add_axes((0.846, 0.62, 0.112, 0.245), projection="polar")
     assert isinstance(dial, PolarAxes)
-    middle, half = _extent(seen, frame)
+    middle, half = map_extent(seen, frame)
     draw_reasons(best, seen, frame)
     _draw_ways(ways, seen.grid, group, frame, facing_b, half)
     for axes in (best, ways):
         _draw_people(axes, seen.grid, group, chosen, frame, facing_b, names, bodies, max(SHORTEST_ARROW, 0.17 * half))
-        _set_extent(axes, middle, half, names[0])
-    dress(best, title=f"Where {shorter(names[1], 16)} can stand", x=_across(names[0]), y=_ahead(names[0]))
-    dress(ways, title=f"… and which way {shorter(names[1], 16)} faces there", x=_across(names[0]))
+        set_extent(axes, middle, half)
+    dress(best, title=f"Where {shorter(names[1], 16)} can stand", x=across(names[0]), y=ahead(names[0]))
+    dress(ways, title=f"… and which way {shorter(names[1], 16)} faces there", x=across(names[0]))
     ways.tick_params(labelleft=False)
     draw_dial(dial, group, chosen, turn=frame.turn + facing_b, name=names[1])
     _draw_legend(figure, seen)
     return figure
 
 
-def draw_reasons(axes: Axes, seen: MapSummary, frame: PlanFrame) -> None:
-    """The map itself: solutions dark, rejected places in the light colour of what rejected them."""
+def draw_reasons(axes: Axes, seen: MapSummary, frame: PlanFrame, *, colours: ByteArray | None = None) -> None:
+    """The map itself: solutions dark, rejected places in the light colour of what rejected them.
+
+    Args:
+        axes: of the page.
+        seen: the map.
+        frame: of the page.
+        colours: (X, Y, 3) of the places, instead of `map_colours`.
+    """
     edge = (seen.grid.offsets[0] - seen.grid.step / 2, seen.grid.offsets[-1] + seen.grid.step / 2)
-    picture = map_colours(seen).transpose(1, 0, 2)
+    picture = map_colours(seen) if colours is None else colours
     axes.imshow(
-        picture, extent=(*edge, *edge), origin="lower", interpolation="nearest", interpolation_stage="rgba",
-        transform=frame.of_roots() + axes.transData, zorder=1,
+        picture.transpose(1, 0, 2), extent=(*edge, *edge), origin="lower", interpolation="nearest",
+        interpolation_stage="rgba", transform=frame.of_roots() + axes.transData, zorder=1,
     )  # fmt: skip
 
 
@@ -175,8 +182,16 @@ def draw_dial(axes: PolarAxes, group: SolutionGroup, chosen: int | None, *, turn
         )  # fmt: skip
 
 
-def _extent(seen: MapSummary, frame: PlanFrame) -> tuple[FloatArray, float]:
-    """What of the window is worth showing: A, the solutions and all that a later constraint than the first rejected."""
+def map_extent(seen: MapSummary, frame: PlanFrame) -> tuple[FloatArray, float]:
+    """What of the window is worth showing: A, the solutions and all that a later constraint than the first rejected.
+
+    Args:
+        seen: the map.
+        frame: of the page.
+
+    Returns:
+        (2,) m the middle on the page, and half the side of the square, m.
+    """
     first = OUTSIDE + 2 if len(seen.reasons) > OUTSIDE + 2 else OUTSIDE + 1
     telling = (seen.furthest >= first) | (seen.fits > 0)
     places = cells_of(telling, seen.grid.offsets) @ rotation(frame.turn).T
@@ -184,7 +199,8 @@ def _extent(seen: MapSummary, frame: PlanFrame) -> tuple[FloatArray, float]:
     return middle, half + 0.12
 
 
-def _set_extent(axes: Axes, middle: FloatArray, half: float, name: str) -> None:
+def set_extent(axes: Axes, middle: FloatArray, half: float) -> None:
+    """Show a square of the page, m."""
     axes.set_xlim(middle[0] - half, middle[0] + half)
     axes.set_ylim(middle[1] - half, middle[1] + half)
     axes.set_aspect("equal")
@@ -193,11 +209,13 @@ def _set_extent(axes: Axes, middle: FloatArray, half: float, name: str) -> None:
     draw_scale(axes)
 
 
-def _across(name: str) -> str:
+def across(name: str) -> str:
+    """The label of the page's horizontal axis."""
     return f"left ← across {shorter(name, 16)}, m → right"
 
 
-def _ahead(name: str) -> str:
+def ahead(name: str) -> str:
+    """The label of the page's vertical axis."""
     return f"behind ← along {shorter(name, 16)}’s facing, m → ahead"
 
 
@@ -267,20 +285,31 @@ def _draw_one(axes: Axes, at: FloatArray, facing: float, name: str, colour: str,
 
 def _draw_legend(figure: Figure, seen: MapSummary) -> None:
     """What the colours mean and how many poses each reason took, all yaws."""
-    colours = dict(zip(seen.reasons, reason_colours(seen.reasons), strict=True))
     total = sum(seen.counts.values()) - seen.counts.get(seen.reasons[OUTSIDE], 0)
+    entries = legend_entries(seen)
+    figure.legend(
+        [patch for patch, _ in entries], [text for _, text in entries], loc="upper left", bbox_to_anchor=(0.808, 0.545),
+        fontsize=SMALL, frameon=False, labelcolor=INK, handlelength=1.2, handleheight=1.2, labelspacing=0.45,
+        title=f"{short_count(total)} poses tried", title_fontsize=SMALL, alignment="left",
+    )  # fmt: skip
+
+
+def legend_entries(seen: MapSummary, *, width: int = 26) -> list[tuple[Patch, str]]:
+    """A patch and words for each colour of a map, with how many poses it took, all yaws.
+
+    Args:
+        seen: the map.
+        width: characters of a line.
+    """
+    colours = dict(zip(seen.reasons, reason_colours(seen.reasons), strict=True))
     entries = [
         (Patch(facecolor=solution_colour(0.5)), f"solutions: {short_count(seen.counts[seen.reasons[ACCEPTED]])}")
     ]
     for reason in reversed(seen.reasons[OUTSIDE + 1 :]):
         patch = Patch(facecolor=colours[reason], edgecolor=MUTED, linewidth=0.5)
         if seen.counts[reason]:
-            entries.append((patch, fill(f"{reason}: {short_count(seen.counts[reason])}", 26)))
-    figure.legend(
-        [patch for patch, _ in entries], [text for _, text in entries], loc="upper left", bbox_to_anchor=(0.808, 0.545),
-        fontsize=SMALL, frameon=False, labelcolor=INK, handlelength=1.2, handleheight=1.2, labelspacing=0.45,
-        title=f"{short_count(total)} poses tried", title_fontsize=SMALL, alignment="left",
-    )  # fmt: skip
+            entries.append((patch, fill(f"{reason}: {short_count(seen.counts[reason])}", width)))
+    return entries
 
 
 def short_count(number: int) -> str:

@@ -1,6 +1,5 @@
 """One self-contained page on an edited scene, that a person should enjoy reading."""
 
-import os
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -9,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mhvedit.errors import MissingLibrary
+from mhvedit.files import replacing
 from mhvedit.search.solve import ReasonMap
 from mhvedit.view import markup
 from mhvedit.view.charts import cost_bars, over_time, trajectories
@@ -47,12 +47,8 @@ def write_report(path: Path, content: ReportContent) -> None:
         content: all that it shows.
     """
     page = report_page(content)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with replacing(path) as beside:
         beside.write_text(page, encoding="utf-8")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def report_page(content: ReportContent) -> str:

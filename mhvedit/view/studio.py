@@ -67,7 +67,7 @@ def check_can_draw() -> None:
     Raises:
         MissingLibrary: there is neither EGL with a device nor a screen.
     """
-    if sys.platform.startswith("linux") and not (_has_egl_device() or _has_screen()):
+    if sys.platform.startswith("linux") and not (_has_egl_device() or has_screen()):
         raise MissingLibrary("drawing in 3D", INSTALL)
 
 
@@ -86,7 +86,7 @@ def _has_egl_device() -> bool:
     return bool(query(0, None, ctypes.byref(count))) and count.value > 0
 
 
-def _has_screen() -> bool:
+def has_screen() -> bool:
     """Whether an X server answers and OpenGL is there."""
     if not os.environ.get("DISPLAY"):
         return False

@@ -179,7 +179,7 @@ def test_held_things_are_placed_with_their_owner(scene: EditedScene, captures: d
 
 def test_where_nothing_can_be_drawn_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studio_module, "_has_egl_device", lambda: False)
-    monkeypatch.setattr(studio_module, "_has_screen", lambda: False)
+    monkeypatch.setattr(studio_module, "has_screen", lambda: False)
     with pytest.raises(MissingLibrary, match="libegl1"):
         frame_picture({"anna": person(0.0)}, size=SIZE)
 

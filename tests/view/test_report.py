@@ -95,7 +95,7 @@ def test_each_segment_tells_its_story(page: Page) -> None:
 
 def test_without_3d_the_report_is_written_and_says_why(content: ReportContent, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studio_module, "_has_egl_device", lambda: False)
-    monkeypatch.setattr(studio_module, "_has_screen", lambda: False)
+    monkeypatch.setattr(studio_module, "has_screen", lambda: False)
     page = Page(report_page(content))
     assert "apt-get install libegl1" in page.words
     assert len(page.all("img")) >= 5  # the charts are there
