@@ -1,0 +1,48 @@
+import numpy as np
+
+from mhvedit.viewer.layout import layout_of
+from mhvedit.viewer.shot import shot, with_words
+from mhvedit.viewer.state import ViewerState, at_frame, looked_at_row
+from mhvedit.viewer.timeline import frame_at, timeline_picture, x_of
+
+SIZE = (900, 560)
+
+
+def test_panels_cover_the_picture_once() -> None:
+    for width, height in (SIZE, (1600, 900), (500, 700)):
+        panels = layout_of(width, height)
+        cover = np.zeros((height, width), int)
+        for box in (panels.scene, panels.map, panels.timeline):
+            cover[box.top : box.top + box.height, box.left : box.left + box.width] += 1
+            assert box.holds(box.left, box.top) and not box.holds(box.left + box.width, box.top)
+        assert (cover == 1).all()
+
+
+def test_a_shot_shows_scene_map_and_time_line(state: ViewerState) -> None:
+    panels = layout_of(*SIZE)
+    pictures = [shot(now, size=SIZE) for now in (state, at_frame(state, 0), looked_at_row(state, 40))]
+    for box in (panels.scene, panels.map, panels.timeline):
+        parts = [p[box.top : box.top + box.height, box.left : box.left + box.width] for p in pictures]
+        assert all(len(np.unique(part.reshape(-1, 3), axis=0)) > 20 for part in parts)
+        differs = [bool((part != parts[0]).any()) for part in parts[1:]]
+        assert differs == [box is not panels.map, box is not panels.timeline]
+
+
+def test_a_pixel_of_the_time_line_is_its_frame(state: ViewerState) -> None:
+    for frame in range(state.material.n_frames):
+        assert frame_at(x_of(frame + 0.5, 700, state.material.n_frames), 700, state.material.n_frames) == frame
+    assert frame_at(-50, 700, 16) == 0 and frame_at(5000, 700, 16) == 15
+
+
+def test_the_current_segment_stands_out(state: ViewerState) -> None:
+    picture = timeline_picture(state, width=700, height=84, now=False)
+    n, row = state.material.n_frames, 50
+    colours = [tuple(picture[row, int(x_of(f + 0.1, 700, n)) + 4]) for f in (0, 8, 10)]
+    assert len(set(colours)) == 3  # this segment, a transition, another segment
+
+
+def test_words_stay_inside_the_picture() -> None:
+    picture = np.full((80, 300, 3), 90, np.uint8)
+    said = with_words(picture, ["a" * 500, "b"])
+    assert said.shape == picture.shape and (said != picture).any()
+    assert with_words(picture, []) is picture
