@@ -129,7 +129,7 @@ def common_poses(result: Result) -> FloatArray:
 
 def without_quality(result: Result) -> Assembly:
     """The same scene if the quality of contacts says nothing."""
-    plain = [replace(segment, contact=None) for segment in result.segments]
+    plain = [replace(segment, quality=False) for segment in result.segments]
     return assemble(result.job.scene, result.people, plain, fps=result.job.fps)
 
 

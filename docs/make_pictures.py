@@ -13,7 +13,7 @@ from PIL import Image
 from mhvedit import api
 from mhvedit.geometry.arrays import ByteArray
 from mhvedit.pipeline.bundled import bundled_scene
-from mhvedit.pipeline.segments import segment_parts, segment_volumes
+from mhvedit.pipeline.keys import segment_parts
 from mhvedit.view.captions import captioned, webp_bytes
 from mhvedit.view.placement import ShownBodies, placement_map
 from mhvedit.view.renders import Colouring, frame_picture, scene_meshes, volume_picture
@@ -70,7 +70,7 @@ def volumes(result: api.Result) -> ByteArray:
     """Where the two blades pass, coloured by time and by label."""
     assert result.assembly is not None
     segment = result.segment(SEGMENT)
-    sides = segment_volumes(result.job.scene, segment.spec, result.people, segment.pair)
+    sides = segment.volumes()
     names = segment_parts(segment.spec)
     parts = part_of(sides[0], names[0]), part_of(sides[1], names[1])
     row = result.assembly.chosen[result.segments.index(segment)]
@@ -96,7 +96,7 @@ def placements(result: api.Result) -> Figure:
     """Where Ben can stand beside Anna."""
     assert result.assembly is not None
     segment = result.segment(SEGMENT)
-    sides = segment_volumes(result.job.scene, segment.spec, result.people, segment.pair)
+    sides = segment.volumes()
     return placement_map(
         segment.found,
         segment.group,

@@ -7,6 +7,8 @@ Five lines do it all::
   group = result.segment("04-slap").group
   result = api.choose(result, {"04-slap": int(group.clearance.argmax())})
   api.write(result, "out")
+
+After a change of the scene file, `api.solve(api.load("scene.toml"), previous=result)` makes only what that changed.
 """
 
 from pathlib import Path

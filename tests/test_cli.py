@@ -24,7 +24,7 @@ def test_the_installed_command(captures: Path, tmp_path: Path) -> None:
     words = [str(command), "solve", str(captures / "scene.toml"), "-o", str(tmp_path / "out"), "--workers", "1"]
     ran = subprocess.run(words, capture_output=True, text=True)
     assert ran.returncode == 0 and ran.stderr == "", ran.stderr
-    assert f"{N_FRAMES} frames, cost 0 m²" in ran.stdout
+    assert f"{N_FRAMES} frames, cost 0 m² (gap 0 %)\ndeepest penetration " in ran.stdout
     assert ran.stdout.endswith(f"open {tmp_path / 'out' / 'report.html'}\n")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "raise" in page and "lower" in page and "http://" not in page.replace("http://www.w3.org", "")
@@ -33,10 +33,11 @@ def test_the_installed_command(captures: Path, tmp_path: Path) -> None:
 def test_solve_in_words(mhvedit: Command, folder: Path, unmeasured: None) -> None:
     ran = mhvedit("solve", folder / "scene.toml", "-o", folder / "out", "--no-report")
     assert ran.code == 0 and ran.err == ""
-    raised, lowered, scene, *_, last = ran.out.splitlines()
-    assert raised.startswith("raise  +&+  ") and raised.endswith(" placements in 1 regions")
+    raised, lowered, scene, checked, *_, last = ran.out.splitlines()
+    assert raised.startswith("raise  +&+  ") and raised.endswith(" placements in 1 region")
     assert lowered.startswith("lower  -&-  ")
-    assert scene.startswith(f"{N_FRAMES} frames, cost 0 m² (gap 0 %), deepest penetration ")
+    assert scene == f"{N_FRAMES} frames, cost 0 m² (gap 0 %)"
+    assert checked.startswith("deepest penetration ")
     assert last == f"written to {folder / 'out'}"
     assert mhvedit("solve", folder / "scene.toml", "-o", folder / "out", "--no-report").out == ran.out
 

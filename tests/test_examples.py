@@ -8,6 +8,7 @@ import pytest
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 LONGEST = 80  # lines
+LONGER = {"blender_import": 100}  # runs inside Blender, where it has only itself
 
 
 def example(name: str) -> ModuleType:
@@ -21,7 +22,7 @@ def example(name: str) -> ModuleType:
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
 def test_examples_are_short_and_can_be_loaded(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= LONGEST
+    assert len(text.splitlines()) <= LONGER.get(path.stem, LONGEST)
     assert "argparse" not in text and "sys.argv" not in text
     assert callable(example(path.stem).main)
 

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "mhvedit"
-BASE = {"errors", "geometry"}
+BASE = {"errors", "files", "geometry"}
 MAY_IMPORT = {
     "errors": set(),
+    "files": set(),
     "geometry": set(),
     "sequences": set(),
     "volumes": {"sequences"},
@@ -17,7 +18,10 @@ MAY_IMPORT = {
     "optimise": {"sequences", "search"},
     "scene": {"sequences", "optimise", "constraints"},
     "skeleton": {"sequences"},
+    "collision": {"sequences", "skeleton"},
+    "avoidance": {"sequences", "skeleton", "collision"},
     "view": {"sequences", "volumes", "constraints", "search", "optimise", "scene"},
+    "export": {"sequences", "scene"},
     "project": {"sequences", "volumes", "constraints", "skeleton"},
     "pipeline": {
         "sequences",
@@ -27,9 +31,25 @@ MAY_IMPORT = {
         "optimise",
         "scene",
         "view",
+        "export",
         "project",
+        "skeleton",
+        "collision",
+        "avoidance",
+    },
+    "viewer": {
+        "sequences",
+        "volumes",
+        "constraints",
+        "search",
+        "optimise",
+        "scene",
+        "view",
+        "project",
+        "pipeline",
     },
 }
+MAY_IMPORT["commands"] = set(MAY_IMPORT)  # and nothing imports it but the command line
 
 
 @pytest.mark.parametrize("package", sorted(MAY_IMPORT))

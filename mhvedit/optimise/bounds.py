@@ -13,7 +13,7 @@ from numba import njit
 from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
 from mhvedit.optimise.steps import Places, cheapest_step
 
-STIFFNESS = 1e-9  # m^2, no less counts
+STIFFNESS = 1e-12  # m^2, no less counts
 
 
 class Links(NamedTuple):
@@ -164,7 +164,8 @@ def _facing(
 ) -> tuple[float, float, float]:
     """The least that facing costs over intervals of the turn and of the mismatch, the turn at which it does, and k.
 
-    At any other turn of the interval it is at least 1/2 k times the square of the way more.
+    At any other turn of the interval it is at least 1/2 k times the square of the way more, since it is convex where
+    nobody is off by more than a quarter turn. The least is 0 where both intervals hold 0, else on one of the four edges.
     """
     least, best = np.inf, turn
     if abs(turn) <= half_turn and abs(mismatch) <= half_mismatch:
@@ -181,19 +182,24 @@ def _facing(
         cost = weight_a * _one_less_cos(edge) + weight_b * _one_less_cos(off)
         if cost < least:
             least, best = cost, edge
-    stiffness = weight_a * np.cos(min(abs(turn) + half_turn, np.pi))
+    off_a, off_b = abs(turn) + half_turn, abs(_wrapped(turn + mismatch)) + half_turn
+    if max(off_a, off_b) >= 0.5 * np.pi:
+        return least, best, 0.0
+    stiffness = weight_a * np.cos(off_a)
     if half_mismatch == 0:
-        stiffness += weight_b * np.cos(min(abs(_wrapped(turn + mismatch)) + half_turn, np.pi))
+        stiffness += weight_b * np.cos(off_b)
     return least, best, stiffness
 
 
 @njit(cache=True, nogil=True)
 def _wrapped(angle: float) -> float:
+    """The same angle in [-pi, pi)."""
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 @njit(cache=True, nogil=True)
 def _one_less_cos(angle: float) -> float:
+    """Exact for small angles too."""
     return float(2 * np.sin(0.5 * angle) ** 2)
 
 

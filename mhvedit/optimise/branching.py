@@ -181,8 +181,8 @@ def _round(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, know
     """Bound every branch in all views that promise something; returns the cells that a better chain may be in."""
     for view in _views(problem, level, known.best.cost):
         through, least, chains = _bounded(problem, blocks, cells, level, view, known.best.cost)
-        known.bound = max(known.bound, min([known.best.cost, *least.tolist()]))
-        if level.blocks <= POLISHED_FROM and min(least, default=np.inf) < known.best.cost:
+        known.bound = max(known.bound, float(least.min(initial=known.best.cost)))
+        if level.blocks <= POLISHED_FROM and least.min(initial=np.inf) < known.best.cost:
             _try(problem, blocks, chains[least.argmin()], float(cells.gauges[least.argmin()]), known)
         cells = _kept(cells, through < known.best.cost)
     return cells

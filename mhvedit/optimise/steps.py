@@ -146,15 +146,19 @@ def _tree(points: FloatArray, values: FloatArray) -> tuple[FloatArray, int]:
 
 @njit(cache=True, nogil=True)
 def _way(a: FloatArray, b: FloatArray) -> float:
-    """What the step between two places costs at least."""
+    """What the step between two places costs at least.
+
+    Sliding by shares p and q costs 1/2 (p^2 + q^2); at the best ones the step costs 1/2 d' (I + s s' + t t')^-1 d with
+    the slacks s and t.
+    """
     x, y = b[0] - a[0], b[1] - a[1]
     discs = max(np.sqrt(x * x + y * y) - a[6] - b[6], 0.0)
     x, y = b[2] - a[2], b[3] - a[3]
-    m_xx = 1 + a[4] * a[4] + b[4] * b[4]
-    m_yy = 1 + a[5] * a[5] + b[5] * b[5]
-    m_xy = a[4] * a[5] + b[4] * b[5]
-    square = (m_yy * x * x - 2 * m_xy * x * y + m_xx * y * y) / (m_xx * m_yy - m_xy * m_xy)
-    slides = max(np.sqrt(max(square, 0.0)) - a[7] - b[7], 0.0)
+    across_a, across_b = a[4] * y - a[5] * x, b[4] * y - b[5] * x
+    across = a[4] * b[5] - a[5] * b[4]
+    square = x * x + y * y + across_a * across_a + across_b * across_b
+    slack = 1 + a[4] * a[4] + a[5] * a[5] + b[4] * b[4] + b[5] * b[5] + across * across
+    slides = max(np.sqrt(square / slack) - a[7] - b[7], 0.0)
     return float(0.5 * max(discs, slides) ** 2)
 
 

@@ -5,16 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import compose, invert, rotation, wrap_angle
 from mhvedit.optimise.keys import KeyPlacements, best_placements
-from mhvedit.optimise.stages import KeySegment, Stage, pose_codes, rows_of, stages_of
+from mhvedit.optimise.stages import KeySegment, Stage, stages_of
 from mhvedit.optimise.transitions import PathSettings, placement_path
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.project.schema import OptimiseSettings, SceneFile
 from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
-from mhvedit.search.groups import rows_of_group
 from mhvedit.sequences.align import KeyRange, Stretch, time_line
 
 
@@ -43,7 +42,7 @@ def assemble(
     solved: Sequence[SolvedSegment],
     *,
     fps: float,
-    picked: Mapping[str, int] | None = None,
+    rows: Sequence[IntArray] | None = None,
 ) -> Assembly:
     """Choose the best chain and carry everyone along it.
 
@@ -52,13 +51,15 @@ def assemble(
         people: by name.
         solved: key segments, in order.
         fps: of the scene.
-        picked: solutions that the editor insists on, row of the group by segment name.
+        rows: (N,) of each segment, the solutions to choose from; None for all.
 
     Raises:
         NoSolution: a segment has no solution, or adjoining ones have none in common.
     """
     stretches = lay_out(scene, people, fps)
-    keys = [_key_segment(segment, (picked or {}).get(segment.spec.name)) for segment in solved]
+    left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else rows
+    left = shared_rows(solved, left) or left
+    keys = [_key_segment(segment, own) for segment, own in zip(solved, left, strict=True)]
     stages = stages_of(keys, _adjoining(stretches, len(solved)))
     search, optimise = scene.search, scene.optimise
     placements = best_placements(stages, facing_weight=optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
@@ -85,13 +86,31 @@ def assemble(
     return Assembly(edited, stretches, placements, chosen)
 
 
-def _key_segment(segment: SolvedSegment, picked: int | None) -> KeySegment:
-    group, grid = segment.group, segment.found.grid
-    merit = group.clearance - segment.penalty
-    if picked is not None:
-        group = rows_of_group(group, np.array([picked]))
-        merit = merit[[picked]]
-    return KeySegment(segment.spec.name, group, merit, grid.root_a, grid.root_b)
+def shared_rows(solved: Sequence[SolvedSegment], rows: Sequence[IntArray]) -> list[IntArray] | None:
+    """The solutions that all segments share. A chain of these costs nothing, so no others need to be looked at.
+
+    Args:
+        solved: key segments.
+        rows: (N,) of each segment, ascending, the solutions to choose from.
+
+    Returns:
+        Rows of each segment, one pose a row; None where the segments share none.
+    """
+    order = sorted(range(len(solved)), key=lambda index: len(rows[index]))
+    keys = solved[order[0]].keys(rows[order[0]])
+    for index in order[1:]:
+        at = solved[index].rows_at(keys)
+        keys = (
+            keys[(at >= 0) & np.isin(at, rows[index])]
+            if len(rows[index]) < solved[index].n_solutions
+            else keys[at >= 0]
+        )
+    return [segment.rows_at(keys) for segment in solved] if len(keys) else None
+
+
+def _key_segment(segment: SolvedSegment, rows: IntArray) -> KeySegment:
+    group = segment.group if len(rows) == segment.n_solutions else segment.rows(rows)
+    return KeySegment(segment.spec.name, group, segment.merit(rows), segment.grid.root_a, segment.grid.root_b)
 
 
 def _adjoining(stretches: Sequence[Stretch], count: int) -> list[bool]:
@@ -153,8 +172,8 @@ def _segment_edits(
     edits, rows = [], []
     for index, segment in enumerate(solved):
         g = stage_of[index]
-        code = pose_codes(stages[g].keys[[placements.chosen[g]]])
-        row = int(rows_of(pose_codes(segment.group.keys), code)[0])
+        row = int(segment.rows_at(stages[g].keys[[placements.chosen[g]]])[0])
+        chosen = segment.rows(np.array([row]))
         a, b = segment.spec.between
         edits.append(
             SegmentEdit(
@@ -163,10 +182,10 @@ def _segment_edits(
                 stop=where[index].stop,
                 interaction=segment.spec.interaction.value,
                 between=(a, b),
-                distance=float(segment.group.distance[row]),
-                theta_a=float(segment.group.theta_a[row]),
-                theta_b=float(segment.group.theta_b[row]),
-                relative=captured_poses(segment.group.poses[[row]], people[a], people[b])[0],
+                distance=float(chosen.distance[0]),
+                theta_a=float(chosen.theta_a[0]),
+                theta_b=float(chosen.theta_b[0]),
+                relative=captured_poses(chosen.poses, people[a], people[b])[0],
             )
         )
         rows.append(row)

@@ -1,22 +1,31 @@
 """The whole job, stage by stage: load, solve, choose, write."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, CancelledError, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Event
+from typing import TypeVar
+
+import numpy as np
 
 from mhvedit.errors import SceneError
+from mhvedit.geometry.planar import invert
 from mhvedit.optimise.stages import NoSolution
 from mhvedit.pipeline.assemble import Assembly, assemble
 from mhvedit.pipeline.misses import Miss, explain_empty
 from mhvedit.pipeline.people import Person, meet_people
+from mhvedit.pipeline.picks import rows_left
 from mhvedit.pipeline.segments import SolvedSegment, solve_segment
-from mhvedit.pipeline.store import Store
+from mhvedit.pipeline.store import Store, open_store
 from mhvedit.project.captures import open_subjects, scene_fps
 from mhvedit.project.scene_file import load_scene
-from mhvedit.project.schema import SceneFile, SegmentSpec
+from mhvedit.project.schema import SceneFile, SegmentSpec, Spot
 from mhvedit.project.subjects import Subject
 
+T = TypeVar("T")
+AT_ONCE = 2  # segments that are worked on at a time: one is voxelised while another is searched
 Progress = Callable[[str, float], None]  # stage in words, share of it that is done
 
 
@@ -59,27 +68,38 @@ def load(path: Path | str, *, cache: Path | None = None) -> Job:
     """
     scene = oriented(load_scene(Path(path)))
     subjects = open_subjects(scene, cache=None if cache is None else cache / "frames")
-    return Job(scene, subjects, scene_fps(scene, subjects), Store(None if cache is None else cache / "results"))
+    return Job(scene, subjects, scene_fps(scene, subjects), open_store(cache))
 
 
-def solve(job: Job, *, workers: int = 2, progress: Progress | None = None) -> Result:
+def solve(job: Job, *, workers: int = 2, progress: Progress | None = None, previous: Result | None = None) -> Result:
     """Solve a scene: people, then every key segment, then the chain and the paths.
 
     Args:
         job: loaded.
         workers: threads; the result does not depend on it.
         progress: told what is being done.
+        previous: of an earlier solve in this process; what has not changed since is taken from it.
     """
+    if previous is not None:
+        job = replace(job, store=replace(job.store, earlier=previous.job.store.used, used={}))
     tell = progress or (lambda stage, share: None)
     seconds: dict[str, float] = {}
     started = time.perf_counter()
     tell("looking at the captures", 0.0)
-    people = meet_people(job.scene, job.subjects, job.store)
+    people = meet_people(job.scene, job.subjects, job.store, workers=workers)
     seconds["captures"] = time.perf_counter() - started
-    solved, misses = [], {}
-    for spec in job.scene.segments:
+
+    stopped = Event()
+
+    def one(spec: SegmentSpec) -> tuple[SolvedSegment, Miss | None, float]:
         started = time.perf_counter()
         stage = f"segment {spec.name}"
+
+        def told(share: float) -> None:
+            if stopped.is_set():
+                raise CancelledError
+            tell(stage, share)
+
         segment = solve_segment(
             job.scene,
             spec,
@@ -87,40 +107,79 @@ def solve(job: Job, *, workers: int = 2, progress: Progress | None = None) -> Re
             fps=job.fps,
             store=job.store,
             workers=workers,
-            progress=lambda share, stage=stage: tell(stage, share),  # type: ignore[misc]
+            progress=told,
         )
-        solved.append(segment)
-        if len(segment.group) == 0:
+        segment, miss = _carried(segment, previous), None
+        if segment.n_solutions == 0:
             tell(f"{stage}: why nothing fits", 0.0)
-            misses[spec.name] = explain_empty(job.scene, segment, people, store=job.store, workers=workers)
-        seconds[stage] = time.perf_counter() - started
+            miss = explain_empty(job.scene, segment, people, store=job.store, workers=workers)
+        return segment, miss, time.perf_counter() - started
+
+    with ThreadPoolExecutor(min(workers, AT_ONCE)) as pool:
+        futures = [pool.submit(one, spec) for spec in job.scene.segments]
+        try:
+            wait(futures, return_when=FIRST_EXCEPTION)
+        except BaseException:  # Ctrl-C: what is under way stops; where a segment fails, the other is finished and kept
+            stopped.set()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
+    solved = _results(futures)
+    misses = {segment.name: miss for segment, miss, _ in solved if miss is not None}
+    seconds |= {f"segment {segment.name}": spent for segment, _, spent in solved}
     tell("chain and paths", 0.0)
     started = time.perf_counter()
-    result = Result(job, people, tuple(solved), None, None, misses, seconds)
+    result = Result(job, people, tuple(segment for segment, _, _ in solved), None, None, misses, seconds)
     result = choose(result, {})
     seconds["chain and paths"] = time.perf_counter() - started
     return result
 
 
+def _results(futures: Sequence[Future[T]]) -> list[T]:
+    """What has come of all, or the first error that is not just for having been called off."""
+    for future in futures:
+        if not future.cancelled() and future.exception() is not None:
+            future.result()
+    return [future.result() for future in futures]
+
+
+def _carried(segment: SolvedSegment, previous: Result | None) -> SolvedSegment:
+    """A segment with all that the earlier solve has in memory of it."""
+    if previous is None:
+        return segment
+    stages = segment.stages
+    for key in (*stages.of_volumes, stages.of_contact, stages.of_bodies, stages.of_sight, stages.of_group):
+        if key is not None:
+            stages.store.carry(key)
+    same = (s for s in previous.segments if s.identity == segment.identity and s.spec == segment.spec)
+    return next(same, segment)
+
+
 def choose(result: Result, picked: Mapping[str, int]) -> Result:
-    """The scene again, with some solutions picked by the editor.
+    """The scene again, with some solutions picked.
 
     Args:
         result: of `solve`.
-        picked: row of the solution group by segment name; the chain chooses the others.
+        picked: row of the solution group by segment name, whatever `pin` and `exclude` in the scene file say; the
+            chain chooses the others, among what these leave.
 
     Raises:
         SceneError: there is no such segment, or no such row.
     """
     for name, row in picked.items():
-        known = {s.spec.name: len(s.group) for s in result.segments}
+        known = {s.spec.name: s.n_solutions for s in result.segments}
         if name not in known:
             raise SceneError(result.job.scene.file, "pick", f"a segment of {', '.join(known)}", repr(name))
         if not 0 <= row < known[name]:
             expected = f"a row from 0 to {known[name] - 1}" if known[name] else "a segment that has solutions"
             raise SceneError(result.job.scene.file, f"pick {name}", expected, str(row))
+    scene, people = result.job.scene, result.people
     try:
-        assembly = assemble(result.job.scene, result.people, result.segments, fps=result.job.fps, picked=picked)
+        rows = [
+            np.array([picked[spec.name]]) if spec.name in picked else rows_left(spec, segment, people)
+            for spec, segment in zip(scene.segments, result.segments, strict=True)
+        ]
+        assembly = assemble(scene, people, result.segments, fps=result.job.fps, rows=rows)
     except NoSolution as failure:
         return replace(result, assembly=None, failure=failure)
     return replace(result, assembly=assembly, failure=None)
@@ -146,5 +205,17 @@ def oriented(scene: SceneFile) -> SceneFile:
 
 
 def _mirrored(spec: SegmentSpec) -> SegmentSpec:
-    apart = None if spec.apart is None else tuple((second, first) for first, second in spec.apart)
-    return replace(spec, between=(spec.between[1], spec.between[0]), interaction=spec.interaction.mirrored, apart=apart)
+    return replace(
+        spec,
+        between=(spec.between[1], spec.between[0]),
+        interaction=spec.interaction.mirrored,
+        apart=None if spec.apart is None else tuple((second, first) for first, second in spec.apart),
+        pin=None if spec.pin is None else mirrored_spot(spec.pin),
+        exclude=tuple(replace(e, at=mirrored_spot(e.at), of_a=not e.of_a) for e in spec.exclude),
+    )
+
+
+def mirrored_spot(spot: Spot) -> Spot:
+    """The same placement, told as A beside B."""
+    x, y, yaw = invert(np.array([spot.x, spot.y, spot.yaw])).tolist()
+    return Spot(x, y, yaw)

@@ -1,21 +1,38 @@
-"""The check on the meshes, fed from the scene file: parts, cones, things held, tolerances."""
+"""The check on the meshes, fed from the scene file: parts, cones, things held, tolerances.
 
-from collections.abc import Mapping
+The scene is checked in stretches: a key segment, or what lies between two. Each is measured with A's capture at rest
+and B placed beside it, so that what was found holds wherever the pair stands, and is kept until the frames, their
+relative placements or what is asked of them change.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, Final
 
 import numpy as np
 
 from mhvedit.constraints.visibility import sight_cone
-from mhvedit.geometry.arrays import BoolArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray
+from mhvedit.geometry.planar import apply_pose, compose, invert, wrap_angle
 from mhvedit.pipeline.job import Job
+from mhvedit.pipeline.keys import frames_key, part_key, segment_parts
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.segments import segment_pair, segment_parts
+from mhvedit.pipeline.store import Arrays, Key
+from mhvedit.pipeline.terms import segment_pair
 from mhvedit.project.schema import SegmentSpec
-from mhvedit.scene.checks import Progress, SegmentSight, check_scene
-from mhvedit.scene.contact import TOUCH, ContactSlack
-from mhvedit.scene.edit import EditedScene
-from mhvedit.scene.report import SceneReport
+from mhvedit.project.subjects import Subject
+from mhvedit.scene.checks import REACH, Progress, SegmentSight, check_scene
+from mhvedit.scene.contact import TOUCH, ContactSlack, Verdict
+from mhvedit.scene.edit import EditedScene, SubjectEdit
+from mhvedit.scene.motion import AddedMotion, added_motion, sole_points
+from mhvedit.scene.report import PairReport, SceneReport, SegmentReport, SightReport
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.volumes.parts import OwnMesh, select_points
+
+CHECK: Final = 1  # of what is kept of a stretch; raise it when the check changes
+SOLES: Final = 1  # of what is kept of a capture
+DIGITS: Final = 9  # to which relative placements are the same, m and rad
 
 
 def measure_scene(
@@ -33,10 +50,187 @@ def measure_scene(
         job: the scene file it was made from.
         people: by name.
         scene: the edit.
-        between_frames: sub-steps between frames.
+        between_frames: sub-steps between frames; with any, nothing is kept.
         workers: threads.
         progress: told after every frame.
     """
+    if between_frames:
+        return _measured(job, people, scene, between_frames=between_frames, workers=workers, progress=progress)
+    found = []
+    for start, stop in stretches(scene):
+        part = _stretch(scene, start, stop)
+
+        def tell(done: int, count: int, start: int = start) -> None:
+            if progress is not None:
+                progress(start + done, scene.n_frames)
+
+        def build(part: EditedScene = part, tell: Progress = tell, start: int = start) -> Arrays:
+            return _as_arrays(_measured(job, people, part, first=start, workers=workers, progress=tell))
+
+        found.append(job.store.arrays(_key(job, people, part, start), build))
+        tell(stop - start, scene.n_frames)
+    return _joined(job, scene, found)
+
+
+def stretches(scene: EditedScene) -> Iterator[tuple[int, int]]:
+    """First frame, and the one past the last, of every key segment and of what lies before, between and after them."""
+    bounds = {0, scene.n_frames, *(s.start for s in scene.segments), *(s.stop for s in scene.segments)}
+    ordered = sorted(bounds)
+    yield from pairwise(ordered)
+
+
+def _stretch(scene: EditedScene, start: int, stop: int) -> EditedScene:
+    """Some frames of a scene, with A's capture at rest."""
+    (a, first), *others = scene.subjects.items()
+    at_rest = first.placements[start:stop]
+    subjects = {a: SubjectEdit(first.source[start:stop], np.zeros((stop - start, 3)))}
+    for name, edit in others:
+        beside = compose(invert(at_rest), edit.placements[start:stop])
+        beside[:, 2] = wrap_angle(beside[:, 2])
+        subjects[name] = SubjectEdit(edit.source[start:stop], np.round(beside, DIGITS) + 0.0)
+    segments = tuple(
+        replace(s, start=s.start - start, stop=s.stop - start)
+        for s in scene.segments
+        if start <= s.start and s.stop <= stop
+    )
+    return replace(scene, n_frames=stop - start, subjects=subjects, segments=segments)
+
+
+def _key(job: Job, people: Mapping[str, Person], part: EditedScene, start: int) -> Key:
+    """Everything that the check of a stretch depends on; its sentences name frames, so where it starts counts."""
+    known, specs = job.store.contents, {spec.name: spec for spec in job.scene.segments}
+    sides = []
+    for name, edit in part.subjects.items():
+        subject, own = job.subjects[name], job.scene.subjects[name]
+        things = {n: frames_key(thing.sequence, edit.source, known) for n, thing in _held(subject).items()}
+        frames = frames_key(subject.sequence, edit.source, known)
+        sides.append((frames, things, own.units, own.up, edit.placements.tolist()))
+    asked = []
+    for segment in part.segments:
+        spec, subjects = specs[segment.name], [job.subjects[name] for name in segment.between]
+        numbers = [part.subjects[name].source[segment.start : segment.stop] for name in segment.between]
+        parts = [
+            (name, part_key(subject.parts[name], own, known))
+            for name, subject, own in zip(segment_parts(spec), subjects, numbers, strict=True)
+        ]
+        sight = _sight(job, spec, people)
+        looks = None if sight is None else (
+            sight.first, sight.stop, [(c.eye.tolist(), c.direction.tolist(), c.half_angle) for c in (sight.a, sight.b)],
+        )  # fmt: skip
+        span = (segment.start, segment.stop)
+        asked.append((span, segment.interaction, segment.between, parts, _slack(job, spec), looks))
+    return ("check", CHECK, REACH, start, sides, asked)
+
+
+def _as_arrays(report: SceneReport) -> Arrays:
+    """A stretch as it is kept: of the pair, and of its segment if it is one."""
+    pair = report.pairs[0]
+    arrays: dict[str, np.ndarray[Any, Any]] = {
+        "gap": pair.gap,
+        "crossing": pair.crossing,
+        "where": pair.where,
+        "solids": np.array([solids or ("", "") for solids in pair.solids], np.str_).reshape(-1, 2),
+    }
+    for segment in report.segments:
+        arrays |= {
+            "body_gap": segment.body_gap,
+            "part_gap": segment.part_gap,
+            "reach_gap": segment.reach_gap,
+            "part_place": segment.part_place,
+            "verdict": np.array([segment.verdict.sentence, "yes" if segment.verdict.agrees else ""]),
+        }
+        if segment.sight is not None:
+            arrays["sight"] = np.array([segment.sight.a_sees_b, segment.sight.b_sees_a], np.bool_)
+            arrays["sight_first"] = np.array(segment.sight.first)
+    return arrays
+
+
+def _joined(job: Job, scene: EditedScene, found: list[Arrays]) -> SceneReport:
+    """The whole scene's report from its stretches."""
+    a, b = scene.subjects
+    at_rest = scene.subjects[a].placements
+    where = np.concatenate([own["where"] for own in found])
+    pair = PairReport(
+        between=(a, b),
+        gap=np.concatenate([own["gap"] for own in found]),
+        crossing=np.concatenate([own["crossing"] for own in found]),
+        where=_placed(at_rest, where),
+        solids=tuple((str(x), str(y)) if x else None for own in found for x, y in own["solids"]),
+        between_gap=None,
+    )
+    specs = {spec.name: spec for spec in job.scene.segments}
+    by_start = {start: own for (start, _), own in zip(stretches(scene), found, strict=True)}
+    segments = []
+    for segment in scene.segments:
+        own = by_start[segment.start]
+        place = at_rest if segment.between[0] == a else scene.subjects[b].placements
+        sentence, agrees = (str(word) for word in own["verdict"])
+        sight = None
+        if "sight" in own:
+            looks = (tuple(bool(x) for x in row) for row in own["sight"])
+            sight = SightReport(int(own["sight_first"]), *looks)
+        segments.append(
+            SegmentReport(
+                name=segment.name,
+                between=segment.between,
+                interaction=segment.interaction,
+                parts=segment_parts(specs[segment.name]),
+                start=segment.start,
+                stop=segment.stop,
+                body_gap=own["body_gap"],
+                part_gap=own["part_gap"],
+                reach_gap=own["reach_gap"],
+                part_place=_placed(place[segment.start : segment.stop], own["part_place"]),
+                verdict=Verdict(bool(agrees), sentence),
+                sight=sight,
+            )
+        )
+    return SceneReport(
+        name=scene.name,
+        n_frames=scene.n_frames,
+        fps=scene.fps,
+        reach=REACH,
+        between_frames=0,
+        pairs=(pair,),
+        segments=tuple(segments),
+        motions=tuple(_motion(job, name, edit) for name, edit in scene.subjects.items()),
+    )
+
+
+def _placed(placements: FloatArray, points: FloatArray) -> FloatArray:
+    """(N, 3) points, one a frame, where a subject's capture stands in the world."""
+    return np.array([apply_pose(pose, point) for pose, point in zip(placements, points, strict=True)]).reshape(-1, 3)
+
+
+def _motion(job: Job, name: str, edit: SubjectEdit) -> AddedMotion:
+    """What the edit adds to a subject's own motion."""
+    subject, spec = job.subjects[name], job.scene.subjects[name]
+    numbers = np.unique(edit.source)
+
+    def build() -> Arrays:
+        meshes = (subject.sequence.mesh(int(number)).vertices for number in numbers)
+        soles, centres = zip(*((sole_points(vertices), vertices.mean(0)) for vertices in meshes), strict=True)
+        sizes = np.cumsum([len(own) for own in soles])
+        return {"soles": np.concatenate(soles), "stops": sizes, "centres": np.array(centres)}
+
+    key = ("soles", SOLES, frames_key(subject.sequence, numbers, job.store.contents), spec.units, spec.up)
+    kept = job.store.arrays(key, build)
+    soles = np.split(kept["soles"], kept["stops"][:-1])
+    rows = np.searchsorted(numbers, edit.source)
+    return added_motion(name, edit.placements, soles=[soles[row] for row in rows], centres=kept["centres"][rows])
+
+
+def _measured(
+    job: Job,
+    people: Mapping[str, Person],
+    scene: EditedScene,
+    *,
+    first: int = 0,
+    between_frames: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> SceneReport:
+    """Check a scene, or a stretch of one."""
     specs = {spec.name: spec for spec in job.scene.segments}
 
     def part_vertices(subject: str, part: str, number: int, mesh: Mesh) -> BoolArray:
@@ -53,13 +247,19 @@ def measure_scene(
         slack={name: _slack(job, spec) for name, spec in specs.items()},
         sight={name: sight for name, spec in specs.items() if (sight := _sight(job, spec, people)) is not None},
         held={
-            name: {part: own.sequence for part, own in subject.parts.items() if isinstance(own, OwnMesh)}
+            name: {part: thing.sequence for part, thing in _held(subject).items()}
             for name, subject in job.subjects.items()
         },
+        first=first,
         between_frames=between_frames,
         workers=workers,
         progress=progress,
     )
+
+
+def _held(subject: Subject) -> dict[str, OwnMesh]:
+    """Things with meshes of their own."""
+    return {name: part for name, part in subject.parts.items() if isinstance(part, OwnMesh)}
 
 
 def _slack(job: Job, spec: SegmentSpec) -> ContactSlack:

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from mhvedit.constraints.dictionary import NO_CONTACT, TOUCHES_OTHERWISE
+from mhvedit.constraints.dictionary import NO_CONTACT, TOUCHES_AT_A_WRONG_MOMENT
 from mhvedit.constraints.fidelity import BODIES_MEET, TOO_DEEP
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.segments import SolvedSegment, segment_clauses, segment_cones, segment_key, segment_volumes
+from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.store import Store
+from mhvedit.pipeline.terms import segment_clauses, segment_cones
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.solve import OUTSIDE, SightTest, search_poses
 from mhvedit.volumes.subject import SubjectVolumes
@@ -55,8 +56,7 @@ def explain_empty(
             "poses": np.array(miss.poses),
         }
 
-    key = segment_key(scene, segment.spec, people, segment.pair, segment.cones)
-    kept = store.arrays(("miss", VERSION, key), build)
+    kept = store.arrays(("miss", VERSION, segment.identity), build)
     killed_by, nearest, passes_with = (str(word) for word in kept["words"])
     return Miss(killed_by, int(kept["poses"]), nearest, passes_with)
 
@@ -68,7 +68,7 @@ def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Pe
     furthest = int(reason.max())
     among = _thinned(np.asarray(reason == furthest))
     killed_by, count = segment.found.reasons[furthest], int((reason == furthest).sum())
-    volumes = segment_volumes(scene, segment.spec, people, segment.pair)
+    volumes = segment.volumes()
     needed = _side_by_side(volumes)
     if scene.search.window < needed:
         words = f"search.window = {needed:.2g}"
@@ -79,7 +79,7 @@ def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Pe
         cones = segment_cones(spec, people, segment.pair)
         sight = None if cones is None else SightTest(cones, volumes[0].body, volumes[1].body)
         clauses = segment_clauses(spec, *volumes, pitch=scene.search.voxel)
-        found = search_poses(segment.found.grid, clauses, sight=sight, among=among, workers=workers)
+        found = search_poses(segment.grid, clauses, sight=sight, among=among, workers=workers)
         passing = int(found.accepted.sum())
         if passing:
             return Miss(killed_by, count, f"with {words} there would be {passing:,} solutions", words)
@@ -128,7 +128,7 @@ def _looser_contact(spec: SegmentSpec, killed_by: str) -> Iterator[tuple[Segment
         for frames in LOOSER_FRAMES:
             value = tolerance.frames + frames
             yield replace(spec, tolerance=replace(tolerance, frames=value)), f"tolerance.frames = {value}"
-    if killed_by != TOUCHES_OTHERWISE:
+    if killed_by != TOUCHES_AT_A_WRONG_MOMENT:
         for voxels in LOOSER_VOXELS:
             near = tolerance.voxels + voxels
             yield replace(spec, tolerance=replace(tolerance, voxels=near)), f"tolerance.voxels = {near:g}"

@@ -4,24 +4,26 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mhvedit.errors import MhveditError, OutputBusy
+from mhvedit.errors import CaptureError, MhveditError, OutputBusy
+from mhvedit.files import replacing, write_arrays
 from mhvedit.pipeline.assemble import captured_poses
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.scene.edit import edit_as_dict
 from mhvedit.scene.report import SceneReport, report_as_dict
-from mhvedit.search.solve import ReasonMap
 
 EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
     "edit.json", "solutions", "report.json", "report.html", ".cache", "scene.json",
 )  # fmt: skip
+UNCHECKED = "the edit has not been checked on the meshes yet: `mhvedit check` does it"
 STAGED = ".new"  # files of an answer while it is being written
 
 
@@ -31,6 +33,16 @@ class OutputUnusable(MhveditError, OSError):
     def __init__(self, folder: Path | str, found: str) -> None:
         super().__init__(f"{folder}: expected a folder that can be written to, found {found}")
         self.folder = Path(folder)
+
+
+def require_output(folder: Path) -> None:
+    """Refuse a folder that is none of `mhvedit solve`.
+
+    Raises:
+        CaptureError: it is none.
+    """
+    if not (folder / CACHE).is_dir():
+        raise CaptureError(folder, "an output folder of `mhvedit solve`", "another" if folder.is_dir() else "nothing")
 
 
 @contextmanager
@@ -68,7 +80,14 @@ def claimed(folder: Path) -> Iterator[None]:
             raise
 
 
-def write_result(folder: Path, result: Result) -> None:
+def write_result(
+    folder: Path,
+    result: Result,
+    *,
+    report: Mapping[str, Any] | None = None,
+    standing: Collection[str] = (),
+    workers: int = 1,
+) -> None:
     """Write `edit.json`, the solution groups and where the scene came from, all of it or nothing.
 
     What no longer holds is taken away: other solution groups, an edit where there is none now, reports on another one.
@@ -76,28 +95,39 @@ def write_result(folder: Path, result: Result) -> None:
     Args:
         folder: of the output.
         result: of a solve.
+        report: the content of `report.json`; None for no such file.
+        standing: segments whose solution groups stand there already.
+        workers: threads.
     """
     staged = folder / STAGED
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
+    changed = [segment for segment in result.segments if segment.spec.name not in standing]
     try:
         (staged / SOLUTIONS).mkdir(parents=True)
-        for segment in result.segments:
-            write_solutions(staged / SOLUTIONS / f"{segment.spec.name}.npz", segment, result)
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(lambda s: write_solutions(staged / solutions_path(s.spec.name), s, result), changed))
         write_json(staged / SOURCE, {"scene": os.path.relpath(result.job.scene.file.resolve(), folder.resolve())})
         if result.assembly is not None:
             write_json(staged / EDIT, edit_as_dict(result.assembly.scene))
-        _replace(staged, folder)
+        if report is not None:
+            write_json(staged / REPORT, report)
+        _replace(staged, folder, {Path(solutions_path(name)) for name in standing})
     finally:
         shutil.rmtree(staged, ignore_errors=True)
 
 
-def _replace(staged: Path, folder: Path) -> None:
+def solutions_path(segment: str) -> str:
+    """Where a segment's solution group is in the output folder."""
+    return f"{SOLUTIONS}/{segment}.npz"
+
+
+def _replace(staged: Path, folder: Path, standing: set[Path]) -> None:
     """Put what is staged into its place, and take away what there is no successor to."""
     (folder / SOLUTIONS).mkdir(exist_ok=True)
     new = {file.relative_to(staged) for file in staged.rglob("*") if file.is_file()}
     old = [folder / name for name in (EDIT, REPORT, PAGE)] + list((folder / SOLUTIONS).glob("*.npz"))
     for stale in old:
-        if stale.relative_to(folder) not in new:
+        if stale.relative_to(folder) not in new | standing:
             stale.unlink(missing_ok=True)
     for name in new:
         os.replace(staged / name, folder / name)
@@ -106,7 +136,7 @@ def _replace(staged: Path, folder: Path) -> None:
 def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
     """Write a whole solution group and its map of reasons; poses are of B's capture frame in A's."""
     a, b = (result.people[name] for name in segment.spec.between)
-    group, grid = segment.group, segment.found.grid
+    group, grid = segment.rows(np.arange(segment.n_solutions)), segment.grid  # not to be held on to: they are large
     poses = captured_poses(group.poses, a, b)
     arrays: dict[str, np.ndarray[Any, Any]] = {
         "x": poses[:, 0],
@@ -123,18 +153,15 @@ def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
         "axes_x": grid.offsets,
         "axes_y": grid.offsets,
         "axes_yaw": grid.yaws,
+        "root_a": grid.root_a,
+        "root_b": grid.root_b,
+        "facing": np.array(segment.facing),
         "base": grid.base,
         "step": np.array(grid.step),
         "canonical_a": a.pose,
         "canonical_b": b.pose,
     }
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with beside.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_arrays(path, arrays)
 
 
 def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[str, ...]) -> dict[str, Any]:
@@ -158,30 +185,31 @@ def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[st
         "estimated": {name: list(person.estimated) for name, person in result.people.items()},
         "seconds": {stage: round(spent, 3) for stage, spent in result.seconds.items()},
         "check": None if check is None else report_as_dict(check),
+        "unchecked": UNCHECKED if assembly and check is None else None,
         "problems": list(problems),
     }
 
 
 def _segment_as_dict(segment: SolvedSegment, row: int | None, result: Result) -> dict[str, Any]:
     miss = result.misses.get(segment.spec.name)
-    group = segment.group
     found: dict[str, Any] = {
         "name": segment.spec.name,
         "interaction": segment.spec.interaction.value,
         "between": list(segment.spec.between),
         "frames": segment.pair.n_frames,
-        "solutions": len(group),
-        "regions": int(group.region.max(initial=-1)) + 1,
-        "rejected": rejected(segment.found),
+        "solutions": segment.n_solutions,
+        "regions": segment.n_regions,
+        "rejected": {name: count for name, count in segment.counts.items() if name != "accepted"},
     }
     if row is not None:
+        chosen = segment.rows(np.array([row]))
         found["chosen"] = {
             "row": row,
-            "clearance_m": float(group.clearance[row]),
+            "clearance_m": float(chosen.clearance[0]),
             "penalty_m": float(segment.penalty[row]),
-            "distance_m": float(group.distance[row]),
-            "theta_a_deg": float(np.degrees(group.theta_a[row])),
-            "theta_b_deg": float(np.degrees(group.theta_b[row])),
+            "distance_m": float(chosen.distance[0]),
+            "theta_a_deg": float(np.degrees(chosen.theta_a[0])),
+            "theta_b_deg": float(np.degrees(chosen.theta_b[0])),
         }
     if miss is not None:
         found["killed_by"] = miss.killed_by
@@ -190,16 +218,7 @@ def _segment_as_dict(segment: SolvedSegment, row: int | None, result: Result) ->
     return found
 
 
-def rejected(found: ReasonMap) -> Mapping[str, int]:
-    """How many poses each constraint rejected first."""
-    return {name: count for name, count in found.counts().items() if name != "accepted"}
-
-
 def write_json(path: Path, content: Any) -> None:  # noqa: ANN401
-    """Write JSON beside, then rename; not-a-number is refused."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    """Write JSON, all of it or nothing; not-a-number is refused."""
+    with replacing(path) as beside:
         beside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

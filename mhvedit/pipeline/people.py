@@ -1,7 +1,9 @@
 """What is known of each subject before anyone meets: canonical frame, facing and gaze, where its centre is."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,11 +13,12 @@ from mhvedit.geometry.planar import rotation
 from mhvedit.pipeline.store import Store, capture_signature
 from mhvedit.project.schema import SceneFile, SubjectSpec
 from mhvedit.project.subjects import Subject
+from mhvedit.sequences.areas import area_shares, bounds
 from mhvedit.sequences.bodies import track_body
 from mhvedit.sequences.canonical import capture_from_canonical
 from mhvedit.sequences.facing import facing_from_tracks, facing_of_body
 from mhvedit.sequences.gaze import gaze_from_tracks, gaze_of_body
-from mhvedit.sequences.meshes import Facing, Gaze, JointTracks, Mesh, MeshSequence
+from mhvedit.sequences.meshes import Facing, Gaze, JointTracks, MeshSequence
 
 VERSION = 2  # of what is kept; raise it when an estimate changes
 
@@ -49,31 +52,34 @@ class Person:
         return self.centres[np.searchsorted(np.array(self.sequence.numbers), numbers)]
 
 
-def meet_people(scene: SceneFile, subjects: Mapping[str, Subject], store: Store) -> dict[str, Person]:
+def meet_people(
+    scene: SceneFile, subjects: Mapping[str, Subject], store: Store, *, workers: int = 1
+) -> dict[str, Person]:
     """Find out about every subject; estimates are kept in the store.
 
     Args:
         scene: the scene file.
         subjects: opened.
         store: where estimates are kept between runs.
+        workers: threads; the result does not depend on it.
 
     Raises:
         CaptureError: a frame of a capture cannot be used.
         SceneError: a given facing or gaze has no direction in some frame.
     """
-    return {name: _person(subjects[name], spec, store) for name, spec in scene.subjects.items()}
+    return {name: _person(subjects[name], spec, store, workers) for name, spec in scene.subjects.items()}
 
 
-def _person(subject: Subject, spec: SubjectSpec, store: Store) -> Person:
+def _person(subject: Subject, spec: SubjectSpec, store: Store, workers: int) -> Person:
     sequence = subject.sequence
-    signature = capture_signature(sequence, units=spec.units, up=spec.up)
+    signature = capture_signature(sequence, store.contents, units=spec.units, up=spec.up)
     numbers = np.array(sequence.numbers)
     facing = _given_facing(subject, spec, numbers)
     gaze = _given_gaze(subject, spec, numbers)
-    plan = store.arrays(("plan", VERSION, signature), lambda: _plan(sequence))
+    plan = store.arrays(("plan", VERSION, signature), lambda: place_in_plan(sequence, workers=workers))
     if facing is None or gaze is None:
         given = None if facing is None else facing.yaw.tobytes()
-        look = store.arrays(("look", VERSION, signature, given), lambda: _estimated(sequence, facing))
+        look = store.arrays(("look", VERSION, signature, given), lambda: _estimated(sequence, facing, workers))
         facing = facing or Facing(numbers, look["yaw"], look["trust"])
         gaze = gaze or Gaze(numbers, look["eye"], look["direction"])
     estimated = tuple(n for n, v in (("facing", subject.facing), ("gaze", subject.gaze)) if v is None)
@@ -108,30 +114,28 @@ def _in_frames(tracks: JointTracks, numbers: IntArray) -> JointTracks:
     return replace(tracks, numbers=tracks.numbers[kept], positions=tracks.positions[kept])
 
 
-def _plan(sequence: MeshSequence) -> dict[str, FloatArray]:
-    """Where the subject is in plan: its canonical frame, and its centre in every frame."""
-    centres, bounds = [], []
-    for number in sequence.numbers:
-        mesh = sequence.mesh(number)
-        centres.append(_centre(mesh, f"{sequence.name}, frame {number}"))
-        bounds.append((mesh.vertices.min(0), mesh.vertices.max(0)))
-    return {"pose": capture_from_canonical(sequence), "centres": np.array(centres), "bounds": np.array(bounds)}
+def place_in_plan(sequence: MeshSequence, *, workers: int) -> dict[str, FloatArray]:
+    """Where the subject is in plan: its canonical frame, and its centre and bounds in every frame."""
+    with ThreadPoolExecutor(workers) as pool:
+        centres, spans = zip(*pool.map(partial(_place, sequence), sequence.numbers), strict=True)
+    return {"pose": capture_from_canonical(sequence), "centres": np.array(centres), "bounds": np.array(spans)}
 
 
-def _estimated(sequence: MeshSequence, facing: Facing | None) -> dict[str, FloatArray]:
+def _place(sequence: MeshSequence, number: int) -> tuple[FloatArray, FloatArray]:
+    """Centre of area (2,) m and bounds (2, 3) m of one frame."""
+    mesh = sequence.mesh(number)
+    share, middles = area_shares(mesh)
+    if not share.any():
+        raise CaptureError(f"{sequence.name}, frame {number}", "faces that have an area", "none that has")
+    return share @ middles[:, :2], np.array(bounds(mesh.vertices))
+
+
+def _estimated(sequence: MeshSequence, facing: Facing | None, workers: int) -> dict[str, FloatArray]:
     """Facing and gaze from the meshes; a given facing is honoured."""
-    body = track_body(sequence, yaw=None if facing is None else facing.yaw)
+    body = track_body(sequence, yaw=None if facing is None else facing.yaw, workers=workers)
     found = facing_of_body(body, fps=sequence.fps)
-    gaze = gaze_of_body(sequence, body)
+    gaze = gaze_of_body(sequence, body, workers=workers)
     return {"yaw": found.yaw, "trust": found.trust, "eye": gaze.eye, "direction": gaze.direction}
-
-
-def _centre(mesh: Mesh, where: str) -> FloatArray:
-    corners = mesh.vertices[mesh.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    if not area.sum() > 0:
-        raise CaptureError(where, "faces that have an area", "none that has")
-    return np.asarray(area @ corners.mean(1)[:, :2] / area.sum())
 
 
 def canonical_gaze(person: Person) -> Gaze:

@@ -1,38 +1,46 @@
 """From a scene file to a full output folder, and back: what the commands do."""
 
 import json
+import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mhvedit.errors import CaptureError
 from mhvedit.pipeline.job import Job, Progress, Result, load, solve
+from mhvedit.pipeline.kept import cache_limit, trim
 from mhvedit.pipeline.measure import measure_scene
 from mhvedit.pipeline.output import (
     CACHE,
     EDIT,
     PAGE,
     REPORT,
-    SOLUTIONS,
     SOURCE,
     claimed,
     result_as_dict,
+    solutions_path,
     write_json,
     write_result,
 )
 from mhvedit.pipeline.people import Person, meet_people
-from mhvedit.pipeline.segments import segment_key, segment_pair
-from mhvedit.pipeline.store import hashed
-from mhvedit.pipeline.story import report_content
-from mhvedit.project.schema import SceneFile
+from mhvedit.pipeline.picks import idle_exclusions
+from mhvedit.pipeline.standing import answer_files, forget, holds, note, standing_in
+from mhvedit.pipeline.store import Arrays, Store, capture_signature, hashed
+from mhvedit.pipeline.terms import segment_pair
+from mhvedit.project.schema import SubjectSpec
+from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
 from mhvedit.sequences.inspect import capture_warnings, inspect_capture
-from mhvedit.view.report import write_report
+from mhvedit.volumes.parts import OwnMesh
 
-VERSION = 1  # of what is written; raise it when the reports change
-FINISHED = f"{CACHE}/finished.json"
+VERSION = 3  # of what is written; raise it when the reports change
+WARNINGS = 1  # of what is kept of them; raise it when they change
+CLOCK = 2.0  # s, by which times of files may be behind
+MEASURED_FRAMES = 6  # of a capture, for warnings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,105 +57,166 @@ def run_scene(
     out: Path,
     *,
     workers: int = 2,
+    check: bool = True,
     report: bool = True,
+    cache_gb: float | None = None,
     progress: Progress | None = None,
     warn: Callable[[str], None] | None = None,
+    answered: Callable[[Outcome], None] | None = None,
 ) -> Outcome:
     """Solve a scene file and write everything; a second run redoes only what its inputs changed.
+
+    The answer comes first: once `edit.json` and the solution groups are in place, with a `report.json` that says that
+    the meshes were not checked yet, `answered` is told. Then they are checked, and the reports written.
 
     Args:
         scene: the scene file.
         out: output folder.
         workers: threads.
+        check: whether to check the answer on the meshes; without it there is no HTML report either.
         report: whether to draw the HTML report.
+        cache_gb: how large the cache may grow, GB; None for what the environment says, or else 8.
         progress: told what is being done.
         warn: told what looks wrong with the captures, as soon as it is known.
+        answered: told the answer as soon as it is in place.
 
     Raises:
         MhveditError: bad input, or the folder is busy.
     """
-    tell = progress or (lambda stage, share: None)
-    load(scene)  # bad input is found before anything is written
+    started, began = time.perf_counter(), time.time()
+    limit = cache_limit() if cache_gb is None else cache_gb
+    warn = warn or (lambda text: None)
+    job = load(scene, cache=out / CACHE)  # bad input is found before anything is written
+    job = replace(job, store=replace(job.store, holds=False))
     with claimed(out):
-        job = load(scene, cache=out / CACHE)
-        warnings = scene_warnings(job.scene, out / CACHE)
+        warnings = scene_warnings(job)
         for sentence in warnings:
-            (warn or (lambda text: None))(sentence)
+            warn(sentence)
         result = solve(job, workers=workers, progress=progress)
-        key = _outcome_key(result)
-        if _is_finished(out, result, key, report=report):
-            return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
-        (out / FINISHED).unlink(missing_ok=True)
-        write_result(out, result)
-        content = _checked(out, result, warnings, workers=workers, report=report, tell=tell)
-        write_json(out / FINISHED, {"key": key, "files": _stamps(out, _written(result, report=report))})
+        idle = idle_exclusions(job.scene.segments, result.segments, result.people)
+        for sentence in idle:
+            warn(sentence)
+        job.store.contents.save()
+        outcome = _answered(out, result, warnings + idle, started=started, workers=workers)
+        if answered is not None:
+            answered(outcome)
+        if check:
+            outcome = _verified(
+                out, outcome, workers=workers, page=report, tell=progress or (lambda stage, share: None)
+            )
+        trim(out, limit=limit, since=began - CLOCK)
+    return outcome
+
+
+def _answered(out: Path, result: Result, warnings: tuple[str, ...], *, started: float, workers: int) -> Outcome:
+    """Put the answer in place, unless it is there."""
+    key, standing = _answer_key(result), standing_in(out)
+    names = _solutions_names(result)
+    files = answer_files(names, solved=result.assembly is not None)
+    if standing.answer == key and holds(standing, [*files, REPORT]):
+        return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
+    there = [
+        name
+        for name, own in names.items()
+        if standing.solutions.get(name) == own and holds(standing, [solutions_path(name)])
+    ]
+    forget(out)
+    content = result_as_dict(result, None, ()) | {"warnings": list(warnings)}
+    content["answer_seconds"] = round(time.perf_counter() - started, 3)
+    write_result(out, result, report=content, standing=there, workers=workers)
+    note(out, key, names, [*files, REPORT])
     return Outcome(result, content, redone=True)
 
 
-def _outcome_key(result: Result) -> str:
+def _answer_key(result: Result) -> str:
     """A name for everything that the files in the output folder depend on."""
     scene, people = result.job.scene, result.people
     answer = str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
-    segments = [(segment_key(scene, s.spec, people, s.pair, s.cones), s.facing) for s in result.segments]
-    return hashed(("outcome", VERSION, scene, [p.signature for p in people.values()], segments, answer))
+    captures = [(person.signature, _things_key(person, result.job.store)) for person in people.values()]
+    return hashed(("answer", VERSION, scene, captures, [s.identity for s in result.segments], answer))
 
 
-def _written(result: Result, *, report: bool) -> list[str]:
-    """The files of an answer."""
-    names = [REPORT, SOURCE, *([EDIT] if result.assembly else []), *([PAGE] if report else [])]
-    return names + [f"{SOLUTIONS}/{segment.spec.name}.npz" for segment in result.segments]
+def _solutions_names(result: Result) -> dict[str, str]:
+    """By segment, a name for everything that its file of solutions depends on."""
+    return {segment.name: f"{VERSION}/{segment.identity}" for segment in result.segments}
 
 
-def _stamps(out: Path, names: list[str]) -> dict[str, list[int]]:
-    """Size and time of files."""
-    return {name: [(stat := (out / name).stat()).st_size, stat.st_mtime_ns] for name in names}
+def _things_key(person: Person, store: Store) -> list[str]:
+    """What the meshes of the things that a person holds are like."""
+    things = [part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh)]
+    return [store.contents.of(thing.files) for thing in things]
 
 
-def _is_finished(out: Path, result: Result, key: str, *, report: bool) -> bool:
-    """Whether an earlier run wrote all files for the very same answer, and nobody touched them since."""
-    try:
-        kept = json.loads((out / FINISHED).read_text())
-        return bool(
-            kept["key"] == key and _stamps(out, _written(result, report=report)).items() <= kept["files"].items()
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return False
-
-
-def _checked(
-    out: Path, result: Result, warnings: tuple[str, ...], *, workers: int, report: bool, tell: Progress
-) -> dict[str, Any]:
-    """Check the scene on its meshes and write both reports; returns the content of `report.json`."""
-    check: SceneReport | None = None
+def _verified(out: Path, answer: Outcome, *, workers: int, page: bool, tell: Progress) -> Outcome:
+    """Check the answer on its meshes and write the reports on it, unless they are there."""
+    result, standing = answer.result, standing_in(out)
+    checked = answer.report["check"] is not None or result.assembly is None
+    if checked and (not page or holds(standing, [PAGE])):
+        return answer
+    found: SceneReport | None = None
     problems: tuple[str, ...] = ()
     if result.assembly is not None:
-        check = measure_scene(
+        found = measure_scene(
             result.job,
             result.people,
             result.assembly.scene,
             workers=workers,
             progress=lambda done, count: tell("check on the meshes", done / count),
         )
-        problems = failures(check, Thresholds())
-    content = result_as_dict(result, check, problems) | {"warnings": list(warnings)}
+        problems = failures(found, Thresholds())
+    kept = {name: answer.report[name] for name in ("warnings", "answer_seconds")}
+    content = result_as_dict(result, found, problems) | kept
+    forget(out)
     write_json(out / REPORT, content)
-    if report:
+    names = _solutions_names(result)
+    files = [*standing.files, REPORT]
+    note(out, standing.answer, names, files)
+    if page:
         tell("report", 0.0)
-        limit = Thresholds().penetration_mm
-        story = report_content(result, check, problems=problems, warnings=warnings, limit_mm=limit)
-        write_report(out / PAGE, story)
-    return content
+        _draw(out / PAGE, result, found, problems=problems, warnings=tuple(answer.report["warnings"]))
+        note(out, standing.answer, names, [*files, PAGE])
+    return Outcome(result, content, redone=True)
 
 
-def scene_warnings(scene: SceneFile, cache: Path) -> tuple[str, ...]:
+def _draw(
+    path: Path, result: Result, found: SceneReport | None, *, problems: tuple[str, ...], warnings: tuple[str, ...]
+) -> None:
+    """Write the HTML report. Its libraries take longer to import than an answer takes, so they are imported here."""
+    from mhvedit.pipeline.story import report_content
+    from mhvedit.view.report import write_report
+
+    limit = Thresholds().penetration_mm
+    write_report(path, report_content(result, found, problems=problems, warnings=warnings, limit_mm=limit))
+
+
+def scene_warnings(job: Job) -> tuple[str, ...]:
     """What looks wrong with the captures of a scene, in sentences."""
     found: list[str] = []
-    for name, spec in scene.subjects.items():
-        summary = inspect_capture(
-            spec.path.path, name=name, fps=spec.fps, units=spec.units, up=spec.up, most=6, cache=cache / "frames"
-        )
-        found += capture_warnings(summary)
+    for name, spec in job.scene.subjects.items():
+        found += _capture_warnings(spec, job.subjects[name], job.store)
     return tuple(found)
+
+
+def _capture_warnings(spec: SubjectSpec, subject: Subject, store: Store) -> list[str]:
+    """Of one capture; kept until it, or what lies beside its files, changes."""
+
+    def build() -> Arrays:
+        cache = None if store.folder is None else store.folder.parent / "frames"
+        summary = inspect_capture(
+            spec.path.path,
+            name=spec.name,
+            fps=spec.fps,
+            units=spec.units,
+            up=spec.up,
+            most=MEASURED_FRAMES,
+            cache=cache,
+        )
+        return {"sentences": np.array(capture_warnings(summary), np.str_)}
+
+    signature = capture_signature(subject.sequence, store.contents, units=spec.units, up=spec.up)
+    beside = spec.path.path.stat().st_mtime_ns
+    key = ("warnings", WARNINGS, spec.name, signature, spec.fps, beside)
+    return [str(sentence) for sentence in store.arrays(key, build)["sentences"]]
 
 
 def check_output(
@@ -178,6 +247,7 @@ def check_output(
         workers=workers,
         progress=lambda done, count: tell("check on the meshes", done / count),
     )
+    job.store.contents.save()
     return report, failures(report, thresholds)
 
 

@@ -3,47 +3,97 @@
 import hashlib
 import logging
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mhvedit.files import map_arrays, write_arrays
+from mhvedit.pipeline.contents import Contents, contents
 from mhvedit.sequences.meshes import MeshSequence
 
 LOG = logging.getLogger(__name__)
-DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
-Arrays = Mapping[str, "np.ndarray[Any, Any]"]
+DAMAGED = (
+    OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError,
+    zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError,
+)  # fmt: skip
+Key = tuple[object, ...]  # the stage's name first
+Arrays = Mapping[str, NDArray[Any]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Store:
-    """A folder of results; what is damaged is made again, and so is everything without a folder."""
+    """Results by key: of this process, of an earlier one in it, and, with a folder, of earlier runs.
 
-    folder: Path | None
+    What is damaged on disk is made again.
+    """
 
-    def arrays(self, key: object, build: Callable[[], Arrays]) -> dict[str, "np.ndarray[Any, Any]"]:
-        """Arrays from an earlier run with the same key, or built now and kept.
+    folder: Path | None  # entries are STAGE/HASH.npz
+    contents: Contents
+    earlier: Mapping[str, Arrays] = field(default_factory=dict)  # by name, of an earlier solve in this process
+    used: dict[str, Arrays] = field(default_factory=dict)  # by name, what this one has made or read as a whole
+    holds: bool = True  # whether `used` is filled; without it, and with a folder, memory stays small
+
+    def arrays(self, key: Key, build: Callable[[], Arrays], *, names: tuple[str, ...] = ()) -> Arrays:
+        """Arrays that are kept under a key, or built now and kept.
 
         Args:
-            key: everything that the result depends on; its `repr` is hashed.
+            key: everything that the result depends on, its stage first; the `repr` is hashed.
             build: makes the arrays.
+            names: which are asked for; none for all. Others are not read.
         """
-        if self.folder is None:
-            return dict(build())
-        path = self.folder / f"{hashed(key)}.npz"
-        kept = _read(path)
-        if kept is None:
-            kept = dict(build())
-            _write(path, kept)
-        return kept
+        found = self.kept(key, names=names)
+        return found if found is not None else self.keep(key, build())
 
-    def has(self, key: object) -> bool:
-        """Whether a result with this key is kept."""
-        return self.folder is not None and (self.folder / f"{hashed(key)}.npz").exists()
+    def kept(self, key: Key, *, names: tuple[str, ...] = ()) -> Arrays | None:
+        """Arrays that are kept under a key, those asked for at least; None where there is no such result."""
+        name = entry_name(key)
+        found = self.used.get(name) or self.earlier.get(name)
+        if found is None and self.folder is not None:
+            found = _read(self.folder / f"{name}.npz", names)
+            if names:
+                return found
+        if found is not None and self.holds:
+            self.used[name] = found
+        return found
+
+    def keep(self, key: Key, arrays: Arrays) -> Arrays:
+        """Keep arrays under a key, in place of others."""
+        name = entry_name(key)
+        if self.holds:
+            self.used[name] = arrays
+        if self.folder is not None:
+            path = self.folder / f"{name}.npz"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_arrays(path, arrays)
+        return arrays
+
+    def carry(self, key: Key) -> None:
+        """Hold on to a result of the earlier solve that this one had no need of."""
+        name = entry_name(key)
+        if name in self.earlier:
+            self.used.setdefault(name, self.earlier[name])
+
+
+def open_store(cache: Path | None) -> Store:
+    """The results that are kept in a cache folder.
+
+    Args:
+        cache: of an output folder; None for a store that lasts as long as it is used.
+    """
+    memory = None if cache is None else cache / "contents.json"
+    return Store(None if cache is None else cache / "results", contents(memory))
+
+
+def entry_name(key: Key) -> str:
+    """Where a result is kept: its stage, and a hash of its key."""
+    return f"{key[0]}/{hashed(key)}"
 
 
 def hashed(key: object) -> str:
@@ -51,33 +101,23 @@ def hashed(key: object) -> str:
     return hashlib.blake2b(repr(key).encode(), digest_size=16).hexdigest()
 
 
-def capture_signature(sequence: MeshSequence, *, units: str, up: str) -> tuple[object, ...]:
-    """What tells whether a capture has changed: its files by place, size and time, its frames, rate, units and axes."""
-    return (*file_signatures(sequence.files), sequence.numbers, sequence.fps, units, up)
+def capture_signature(sequence: MeshSequence, known: Contents, *, units: str, up: str) -> Key:
+    """What tells whether a capture has changed: what its files hold, its frames, rate, units and axes."""
+    return (known.of(sequence.files), sequence.numbers, sequence.fps, units, up)
 
 
-def file_signatures(files: tuple[Path, ...]) -> tuple[object, ...]:
-    """Place, size and time of files."""
-    return tuple((str(file), (stat := file.stat()).st_size, stat.st_mtime_ns) for file in files)
-
-
-def _read(path: Path) -> dict[str, "np.ndarray[Any, Any]"] | None:
+def _read(path: Path, names: tuple[str, ...]) -> Arrays | None:
+    """An entry, or some arrays of it; it counts as used from now on."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
+        if names:
+            read = map_arrays(path, names)
+        else:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+                read = {name: data[name] for name in data.files}
+        os.utime(path)
+        return read
     except FileNotFoundError:
         return None
     except DAMAGED as fault:
         LOG.warning("%s is damaged and is made again: %s", path, fault)
         return None
-
-
-def _write(path: Path, arrays: Arrays) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.stem}.{os.getpid()}.part")
-    try:
-        with beside.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)

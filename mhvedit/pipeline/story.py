@@ -7,8 +7,9 @@ import numpy as np
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Result
+from mhvedit.pipeline.keys import segment_parts
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.segments import SolvedSegment, segment_parts, segment_volumes
+from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.project.schema import SegmentSpec
 from mhvedit.scene.report import SceneReport
 from mhvedit.sequences.meshes import MeshSequence
@@ -80,7 +81,7 @@ def _things(person: Person) -> list[MeshSequence]:
 def _story(result: Result, index: int) -> SegmentStory:
     segment, assembly = result.segments[index], result.assembly
     spec = segment.spec
-    volumes = segment_volumes(result.job.scene, spec, result.people, segment.pair)
+    volumes = segment.volumes()
     sides = [
         _side(result, segment, name, numbers, volume, facing)
         for name, numbers, volume, facing in zip(

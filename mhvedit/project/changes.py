@@ -1,6 +1,5 @@
 """Changes single values of a scene file; comments and layout stay as they are."""
 
-import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Item, SingleKey, Table
 
 from mhvedit.errors import SceneError
+from mhvedit.files import replacing
 from mhvedit.project.scene_file import parse_scene, read_text
 from mhvedit.project.schema import SceneFile
 
@@ -86,9 +86,13 @@ def _set(inside: Any, key: str | int, item: Item) -> None:  # noqa: ANN401 - wha
 
 
 def _item(value: Setting) -> Item:
-    """Tables in one line, as scene files have them."""
+    """Tables and lists in one line, as scene files have them."""
+    if isinstance(value, list):
+        several = tomlkit.array()
+        several.extend(_item(entry) for entry in value)
+        return several
     if not isinstance(value, dict):
-        return tomlkit.item([_item(v) for v in value] if isinstance(value, list) else value)
+        return tomlkit.item(value)
     made = tomlkit.inline_table()
     for key, entry in value.items():
         made[key] = _item(entry)
@@ -102,10 +106,6 @@ def _said(place: Place) -> str:
 
 def _write(file: Path, content: str) -> None:
     """All of it or nothing: written beside, then renamed."""
-    beside = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(file) as beside:
         beside.write_bytes(content.encode())
         shutil.copymode(file, beside)
-        os.replace(beside, file)
-    finally:
-        beside.unlink(missing_ok=True)

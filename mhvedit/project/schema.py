@@ -103,6 +103,25 @@ class Tolerance:
 
 
 @dataclass(frozen=True, slots=True)
+class Spot:
+    """Where B stands beside A: B's capture frame in A's, as `relative` in `edit.json`."""
+
+    x: float  # m
+    y: float  # m
+    yaw: float  # rad
+
+
+@dataclass(frozen=True, slots=True)
+class Exclusion:
+    """Solutions that the editor does not want: a connected region of them, or what is near a spot."""
+
+    at: Spot
+    radius: float | None  # m, from B's root there to B's root; None: the connected region that holds the spot
+    turn: float = math.pi  # rad, how far B may be turned from the spot's yaw and still be left out
+    of_a: bool = False  # whether the radius is between A's roots beside B instead: the segment is told from B's side
+
+
+@dataclass(frozen=True, slots=True)
 class SegmentSpec:
     """One `[[segments]]`: a pair of key segments."""
 
@@ -116,6 +135,8 @@ class SegmentSpec:
     visibility: Visibility | None
     retime: Retiming
     tolerance: Tolerance
+    pin: Spot | None = None  # the solution that the editor insists on
+    exclude: tuple[Exclusion, ...] = ()
 
     @property
     def key(self) -> str:

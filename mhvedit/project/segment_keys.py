@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mhvedit.constraints.dictionary import InteractionType
-from mhvedit.project.schema import SegmentSpec, SubjectSpec, Tolerance, Visibility
+from mhvedit.project.schema import Exclusion, SegmentSpec, Spot, SubjectSpec, Tolerance, Visibility
 from mhvedit.project.values import Value, fields, is_name, name, number, one_of, shown, span, table, whole
 from mhvedit.sequences.segments import Retiming, shared_length
 from mhvedit.volumes.subject import BODY
@@ -23,7 +23,10 @@ KEYS: Final[Mapping[str, Any]] = {
     "visibility": False,
     "retime": "endpoints",
     "tolerance": {},
+    "pin": None,
+    "exclude": [],
 }
+SPOT: Final[Mapping[str, Any]] = {"x": None, "y": None, "yaw": None}
 PAIRS: Final = '"auto", "none", or pairs like ["body", "body"]'
 
 
@@ -88,6 +91,8 @@ def _segment(at: Value, index: int, subjects: Mapping[str, SubjectSpec]) -> Segm
         visibility=_visibility(entries["visibility"]),
         retime=Retiming(one_of(entries["retime"], [how.value for how in Retiming])),
         tolerance=_tolerance(entries["tolerance"]),
+        pin=None if entries["pin"].value is None else _spot(fields(entries["pin"], SPOT)),
+        exclude=_exclude(entries["exclude"]),
     )
 
 
@@ -145,6 +150,30 @@ def _tolerance(at: Value) -> Tolerance:
         depth=number(entries["depth"], least=0),
         apart=number(entries["apart"], least=0),
     )
+
+
+def _spot(entries: Mapping[str, Value]) -> Spot:
+    """Where B stands beside A."""
+    return Spot(number(entries["x"]), number(entries["y"]), math.radians(number(entries["yaw"])))
+
+
+def _exclude(at: Value) -> tuple[Exclusion, ...]:
+    """What the editor does not want."""
+    if not isinstance(at.value, list):
+        raise at.error("a list of tables such as x = 1.0, y = 0.0, yaw = 90")
+    return tuple(_exclusion(at.at(i, value)) for i, value in enumerate(at.value))
+
+
+def _exclusion(at: Value) -> Exclusion:
+    """A region, or a neighbourhood."""
+    entries = fields(at, {**SPOT, "radius": None, "turn": None})
+    radius, turn = entries["radius"], entries["turn"]
+    if radius.value is None:
+        if turn.value is not None:
+            raise turn.error("nothing where there is no radius")
+        return Exclusion(_spot(entries), None)
+    degrees = 180.0 if turn.value is None else number(turn, above=0, most=180)
+    return Exclusion(_spot(entries), number(radius, above=0), math.radians(degrees))
 
 
 def _check_names(at: Value, segments: tuple[SegmentSpec, ...]) -> None:

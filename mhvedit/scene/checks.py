@@ -78,6 +78,7 @@ class _Check:
     slack: Mapping[str, ContactSlack]
     sight: Mapping[str, SegmentSight]
     held: Mapping[str, Mapping[str, MeshSequence]]
+    first: int
     reach: float
     sub_steps: int
     workers: int
@@ -92,6 +93,7 @@ def check_scene(
     slack: Mapping[str, ContactSlack] | None = None,
     sight: Mapping[str, SegmentSight] | None = None,
     held: Mapping[str, Mapping[str, MeshSequence]] | None = None,
+    first: int = 0,
     between_frames: int = 0,
     reach: float = REACH,
     workers: int = 1,
@@ -107,6 +109,7 @@ def check_scene(
         slack: by segment name, tolerances of its contact; none where missing.
         sight: by segment name, cones of sight; not checked where missing.
         held: by subject and part name, things with meshes of their own, in the capture's frame and numbering.
+        first: number of the first frame, where the scene is a stretch of a longer one; sentences name frames by it.
         between_frames: sub-steps between frames (see `pairs`).
         reach: m, gaps wider than this are not measured.
         workers: threads for distances, 0 for all; the result does not depend on it.
@@ -125,6 +128,7 @@ def check_scene(
         slack=slack or {},
         sight=sight or {},
         held=held or {},
+        first=first,
         reach=reach,
         sub_steps=between_frames,
         workers=workers,
@@ -299,7 +303,7 @@ def _placed_cone(cone: SightCone, placement: FloatArray) -> SightCone:
 
 def _segment_report(check: _Check, segment: SegmentEdit, rows: list[_PartFrame]) -> SegmentReport:
     parts = PartSeries(
-        start=segment.start,
+        start=check.first + segment.start,
         gap=np.array([row.part_gap for row in rows]),
         place=np.array([row.place for row in rows]).reshape(-1, 3),
         a=tuple(row.a for row in rows),
@@ -322,13 +326,14 @@ def _segment_report(check: _Check, segment: SegmentEdit, rows: list[_PartFrame])
         verdict=judge_contact(
             InteractionType(segment.interaction), parts, slack=check.slack.get(segment.name, ContactSlack())
         ),
-        sight=_sight_report(segment, check.sight.get(segment.name), rows),
+        sight=_sight_report(check, segment, rows),
     )
 
 
-def _sight_report(segment: SegmentEdit, asked: SegmentSight | None, rows: list[_PartFrame]) -> SightReport | None:
+def _sight_report(check: _Check, segment: SegmentEdit, rows: list[_PartFrame]) -> SightReport | None:
+    asked = check.sight.get(segment.name)
     if asked is None:
         return None
     looks = [row.sight for row in rows if row.sight is not None]
-    first = segment.start + max(0, asked.first)
+    first = check.first + segment.start + max(0, asked.first)
     return SightReport(first, tuple(a for a, _ in looks), tuple(b for _, b in looks))

@@ -1,12 +1,14 @@
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
 from mhvedit import cli
-from mhvedit.pipeline import misses, run, segments
+from mhvedit.constraints.clauses import Clause
+from mhvedit.constraints.dictionary import NO_CONTACT
+from mhvedit.pipeline import misses, run, stages
 from mhvedit.pipeline.measure import measure_scene
 from mhvedit.pipeline.run import Outcome, run_scene
 from mhvedit.scene.report import SceneReport
@@ -54,14 +56,15 @@ def mhvedit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 @pytest.fixture
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Grows by the size of the grid with every search that is made."""
+    """Grows by the size of the grid with every search for contact that is made."""
     made: list[int] = []
 
-    def counted(grid: object, *args: object, **options: object) -> object:
-        made.append(grid.size)  # type: ignore[attr-defined]
-        return search_poses(grid, *args, **options)  # type: ignore[arg-type]
+    def counted(grid: object, clauses: Sequence[Clause], **options: object) -> object:
+        if clauses and clauses[0].reason == NO_CONTACT:
+            made.append(grid.size)  # type: ignore[attr-defined]
+        return search_poses(grid, clauses, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(segments, "search_poses", counted)
+    monkeypatch.setattr(stages, "search_poses", counted)
     monkeypatch.setattr(misses, "search_poses", counted)
     return made
 

@@ -7,14 +7,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mhvedit.pipeline import output, segments
+from mhvedit.constraints.clauses import Clause
+from mhvedit.constraints.dictionary import NO_CONTACT
+from mhvedit.pipeline import output, stages
 from mhvedit.pipeline.output import claimed
 from tests.pipeline.toy import Ran, files_of, write_scene
 
@@ -34,16 +36,16 @@ def leftovers(out: Path) -> list[str]:
 @contextmanager
 def fails_at(monkeypatch: pytest.MonkeyPatch, count: int, error: BaseException) -> Iterator[None]:
     """The search of one segment ends with an error."""
-    search, made = segments.__dict__["search_poses"], [0]
+    search, made = stages.__dict__["search_poses"], [0]
 
-    def failing(*args: object, **options: object) -> object:
-        made[0] += 1
+    def failing(grid: object, clauses: Sequence[Clause], **options: object) -> object:
+        made[0] += bool(clauses) and clauses[0].reason == NO_CONTACT
         if made[0] == count:
             raise error
-        return search(*args, **options)
+        return search(grid, clauses, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(segments, "search_poses", failing)
+        patch.setattr(stages, "search_poses", failing)
         yield
 
 
@@ -75,7 +77,7 @@ def test_ctrl_c_over_an_earlier_answer(solve: Callable[[], Ran], folder: Path, m
 
 def test_a_real_signal(captures: Path, tmp_path: Path) -> None:
     """SIGINT to the process itself, in the middle of a fine search."""
-    fine = "voxel = 0.01\nstep = 0.01\nyaw_step = 1"
+    fine = "voxel = 0.01\nstep = 0.01\nyaw_step = 0.2"
     scene = write_scene(tmp_path, ("voxel = 0.04\nstep = 0.04\nyaw_step = 15", fine))
     for name in ("anna", "ben"):
         (tmp_path / name).symlink_to(captures / name)
@@ -83,9 +85,8 @@ def test_a_real_signal(captures: Path, tmp_path: Path) -> None:
     words = [sys.executable, "-m", "mhvedit.cli", "solve", str(scene), "-o", str(tmp_path / "out")]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as job:
         deadline = time.monotonic() + 30
-        while len(list((tmp_path / "out").rglob("results/*.npz"))) < 2 and time.monotonic() < deadline:
-            time.sleep(0.05)
-        time.sleep(0.3)
+        while not list((tmp_path / "out").rglob("results/*/*.npz")) and time.monotonic() < deadline:
+            time.sleep(0.02)
         job.send_signal(signal.SIGINT)
         out, err = job.communicate(timeout=30)
     assert (job.returncode, out) == (130, ""), err

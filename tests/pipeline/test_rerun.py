@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -66,7 +67,7 @@ def test_a_comment_changed(out: Path, searches: list[int]) -> None:
 
 def test_one_segments_tolerance_changed(out: Path, searches: list[int]) -> None:
     before = (out / "solutions" / "lower.npz").read_bytes()
-    outcome = again(out, (LOWER_TABLE, LOWER_TABLE.replace("depth = 0.06", "depth = 0.08")))
+    outcome = again(out, (LOWER_TABLE, LOWER_TABLE.replace("voxels = 1", "voxels = 2")))
     assert outcome.redone and len(searches) == 1
     assert (out / "solutions" / "lower.npz").read_bytes() != before or outcome.report["segments"][1]["solutions"] > 0
 
@@ -82,19 +83,43 @@ def test_a_segments_name_changed(out: Path, searches: list[int]) -> None:
     assert {n for n in files_of(out) if n.startswith("solutions")} == {"solutions/raise.npz", "solutions/sink.npz"}
 
 
-def test_a_capture_changed(out: Path, searches: list[int]) -> None:
-    file = out.parent / "ben" / "ben_0004.obj"
-    os.utime(file, ns=(1, 1))
-    again(out)
-    assert len(searches) == 2
+@pytest.mark.parametrize("when", [(1, 1), None])
+def test_a_capture_that_was_touched(out: Path, searches: list[int], when: tuple[int, int] | None) -> None:
+    for file in (out.parent / "ben").iterdir():
+        os.utime(file, when)
+    assert not again(out).redone and searches == []
 
 
-def test_a_track_changed(out: Path, searches: list[int]) -> None:
-    """Of the hand: the parts, and with them the solutions, change; the reports are made again."""
-    track = out.parent / "ben.csv"
-    track.write_text(track.read_text() + "99,hand,0.0,0.0,0.0\n")
+def test_a_capture_that_was_copied_elsewhere(out: Path, searches: list[int]) -> None:
+    shutil.copytree(out.parent / "ben", out.parent / "copied")
+    assert again(out, ('path = "ben"', 'path = "copied"')).redone  # the scene file names another folder
+    assert searches == []
+
+
+@pytest.mark.parametrize(("frame", "segments"), [(4, 1), (8, 0)])
+def test_a_frame_changed(out: Path, searches: list[int], frame: int, segments: int) -> None:
+    """It is of the first segment, or of none; size and time stay as they were."""
+    file = out.parent / "ben" / f"ben_{frame:04}.obj"
+    stat = file.stat()
+    lines = file.read_text().splitlines(keepends=True)
+    faces = [i for i, line in enumerate(lines) if line.startswith("f ")]
+    lines[faces[0]], lines[faces[1]] = lines[faces[1]], lines[faces[0]]
+    file.write_text("".join(lines))
+    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    assert file.stat().st_size == stat.st_size
     assert again(out).redone
-    assert len(searches) == 2
+    assert len(searches) == segments
+
+
+@pytest.mark.parametrize(("frame", "segments"), [(4, 1), (8, 0), (99, 0)])
+def test_a_track_changed(out: Path, searches: list[int], frame: int, segments: int) -> None:
+    """Of the hand, in a frame of the first segment, or of none: parts, and with them solutions, change."""
+    track = out.parent / "ben.csv"
+    start = f"{frame},hand,"
+    lines = [line if not line.startswith(start) else line + "1" for line in track.read_text().splitlines()]
+    track.write_text("\n".join(lines if any(line.startswith(start) for line in lines) else [*lines, f"{start}0,0,1"]))
+    again(out)
+    assert len(searches) == segments
 
 
 def test_an_answer_that_somebody_changed_is_written_again(out: Path) -> None:

@@ -153,7 +153,7 @@ SEGMENT_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "misnamed": (
         ('name = "hold"', 'nam = "hold"'),
         "[1].nam: expected one of name, between, frames, interaction, parts, apart, visibility, retime, tolerance, "
-        'found an unknown key (did you mean "name"?)',
+        'pin, exclude, found an unknown key (did you mean "name"?)',
     ),
     "no name": (('name = "hold"', ""), "[1].name: expected a name of letters, digits, . _ -, found nothing"),
     "bad name": (('"hold"', '"a/b"'), '[1].name: expected a name of letters, digits, . _ -, found "a/b"'),
@@ -164,12 +164,29 @@ SEGMENT_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "unknown key": (
         ('"0&0a"', '"0&0a"\ntolerence = {}'),
         '[1] "hold".tolerence: expected one of name, between, frames, interaction, parts, apart, visibility, retime, '
-        'tolerance, found an unknown key (did you mean "tolerance"?)',
+        'tolerance, pin, exclude, found an unknown key (did you mean "tolerance"?)',
     ),
-    "pin": (
-        ('"0&0a"', '"0&0a"\npin = 3'),
-        '[1] "hold".pin: expected one of name, between, frames, interaction, parts, apart, visibility, retime, '
-        "tolerance, found an unknown key",
+    "pinned": (
+        ('"0&0a"', '"0&0a"\npinned = 3'),
+        '[1] "hold".pinned: expected one of name, between, frames, interaction, parts, apart, visibility, retime, '
+        'tolerance, pin, exclude, found an unknown key (did you mean "pin"?)',
+    ),
+    "pin": (('"0&0a"', '"0&0a"\npin = 3'), '[1] "hold".pin: expected a table, found 3'),
+    "pin without yaw": (
+        ('"0&0a"', '"0&0a"\npin = {x = 1, y = 2}'),
+        '[1] "hold".pin.yaw: expected a number, found nothing',
+    ),
+    "one exclusion": (
+        ('"0&0a"', '"0&0a"\nexclude = 3'),
+        '[1] "hold".exclude: expected a list of tables such as x = 1.0, y = 0.0, yaw = 90, found 3',
+    ),
+    "turn alone": (
+        ('"0&0a"', '"0&0a"\nexclude = [{x = 1, y = 2, yaw = 3, turn = 9}]'),
+        '[1] "hold".exclude[0].turn: expected nothing where there is no radius, found 9',
+    ),
+    "no radius": (
+        ('"0&0a"', '"0&0a"\nexclude = [{x = 1, y = 2, yaw = 3, radius = 0}]'),
+        '[1] "hold".exclude[0].radius: expected a number above 0, found 0',
     ),
     "three": (
         ('["ben", "anna"]', '["ben", "anna", "ben"]'),

@@ -181,3 +181,14 @@ def test_links_and_rights_stay(scene_with: SceneWith) -> None:
     save_changes(link, {("name",): "other"})
     assert link.is_symlink() and load_scene(path).name == "other"
     assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_lists_of_tables_stay_in_one_line(scene_with: SceneWith) -> None:
+    path = scene_with()
+    exclude: Setting = [{"x": 1.5, "y": 0, "yaw": 90}, {"x": 1, "y": 2, "yaw": 3.5, "radius": 0.2}]
+    scene = save_changes(
+        path, {("segments", 0, "exclude"): exclude, ("segments", 0, "pin"): {"x": 1, "y": 2, "yaw": 3}}
+    )
+    assert "exclude = [{x = 1.5, y = 0, yaw = 90}, {x = 1, y = 2, yaw = 3.5, radius = 0.2}]" in path.read_text()
+    assert [e.radius for e in scene.segments[0].exclude] == [None, 0.2] and scene.segments[0].pin is not None
+    assert scene.segments[1].exclude == () and scene.segments[1].pin is None

@@ -1,0 +1,37 @@
+"""Figures of all parts of the performance page, kept so that one part can be measured again without the others."""
+
+import json
+import os
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+FILE = Path(__file__).resolve().parents[1] / "docs" / "performance.json"
+
+
+def kept() -> dict[str, Any]:
+    """Figures by part."""
+    if not FILE.exists():
+        return {}
+    found: dict[str, Any] = json.loads(FILE.read_text())
+    return found
+
+
+def keep(part: str, figures: dict[str, Any]) -> None:
+    """Put the figures of one part in place of earlier ones, with the day and the machine they were measured on."""
+    noted = {"measured": datetime.now(UTC).date().isoformat(), "machine": machine()}
+    FILE.write_text(json.dumps(kept() | {part: figures | noted}, indent=1) + "\n")
+
+
+def machine() -> str:
+    """What kind of machine this is."""
+    names = [line.split(":")[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
+    total = [int(line.split()[1]) for line in _lines("/proc/meminfo") if line.startswith("MemTotal")]
+    memory = f", {total[0] / 2**20:.0f} GB" if total else ""
+    processor = names[0] if names else platform.machine()
+    return f"{os.cpu_count()} cores of {processor}{memory}, Python {platform.python_version()}"
+
+
+def _lines(path: str) -> list[str]:
+    return Path(path).read_text().splitlines() if Path(path).exists() else []

@@ -1,0 +1,43 @@
+"""Solves a scene and changes it again and again through the Python interface, in one process; prints seconds as JSON.
+
+    python -m benchmarks.warm_edit SCENE OUT
+
+OUT was written by `mhvedit solve` from the bundled sword fight; only its cache is used.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+from benchmarks.duel import edits
+from mhvedit import api
+from mhvedit.pipeline.output import CACHE
+
+
+def answer_again(scene: Path, out: Path, before: api.Result, text: str) -> dict[str, float]:
+    """Seconds to a new answer after a change of the scene file, and to its files."""
+    scene.write_text(text)
+    began = time.perf_counter()
+    result = api.solve(api.load(scene, cache=out / CACHE), previous=before)
+    answered = time.perf_counter()
+    api.write(result, out / "written")
+    return {"answer": answered - began, "write": time.perf_counter() - answered}
+
+
+def main() -> None:
+    """All changes, one after the other, each from the unchanged scene."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("out", type=Path)
+    asked = parser.parse_args()
+    text = asked.scene.read_text()
+    before = api.solve(api.load(asked.scene, cache=asked.out / CACHE))
+    try:
+        print(json.dumps({what: answer_again(asked.scene, asked.out, before, new) for what, new in edits().items()}))
+    finally:
+        asked.scene.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

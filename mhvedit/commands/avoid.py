@@ -1,0 +1,63 @@
+"""`mhvedit avoid`."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mhvedit.commands.shared import DONE, NO, Json, Out, Workers, progress_bar
+
+if TYPE_CHECKING:
+    from mhvedit.pipeline.avoid import AvoidOutcome
+
+
+def avoid(
+    motion: Annotated[Path, typer.Argument(help="Skinned .npz, or .bvh.")],
+    out: Out,
+    body: Annotated[
+        Path | None, typer.Option(help="Skinned .npz whose body a .bvh is put on; capsules if not given.")
+    ] = None,
+    attach: Annotated[list[str] | None, typer.Option(help="MESH:LIMB, equipment that hangs on a limb.")] = None,
+    freeze: Annotated[list[str] | None, typer.Option(help="A joint that must not move.")] = None,
+    method: Annotated[str, typer.Option(help="bisection, filter or nebel.")] = "bisection",
+    units: Annotated[str, typer.Option(help="Of a .bvh: m, cm or mm.")] = "m",
+    up: Annotated[str, typer.Option(help="Axis of a .bvh that points up: x, y or z.")] = "z",
+    continuous: Annotated[bool, typer.Option(help="Look between the frames too.")] = True,
+    workers: Workers = 2,
+    report: Annotated[bool, typer.Option(help="Draw the HTML report.")] = True,
+    json_: Json = False,
+) -> None:
+    """Remove self-collision from a motion: a collision-free motion and a report."""
+    from mhvedit.pipeline.avoid import AvoidOptions, method_of, run_avoid
+
+    options = AvoidOptions(
+        method=method_of(method),
+        body=body,
+        attached=tuple(attach or ()),
+        frozen=tuple(freeze or ()),
+        units=units,
+        up=up,
+        continuous=continuous,
+        report=report,
+        workers=workers,
+    )
+    with progress_bar(quiet=json_) as progress:
+        outcome = run_avoid(motion, out, options=options, progress=progress)
+    if json_:
+        print(json.dumps(dict(outcome.report), indent=1))
+    else:
+        _print_outcome(outcome, out)
+    raise typer.Exit(DONE if outcome.avoided.converged else NO)
+
+
+def _print_outcome(outcome: "AvoidOutcome", out: Path) -> None:
+    m = outcome.metrics
+    print(
+        f"{m.frames} frames, colliding {m.colliding_before} before and {m.colliding_after} after; "
+        f"{m.touched} touched, jerk x {m.jerk_ratio:.2f}, feet that stood still moved {m.slip_mm:.1f} mm"
+    )
+    for sentence in outcome.why:
+        print(f"did not converge: {sentence}")
+    page = out / "report.html"
+    print(f"open {page}" if page.exists() else f"written to {out}")

@@ -1,0 +1,73 @@
+"""`mhvedit view`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mhvedit.commands.shared import Workers, progress_bar, say
+
+if TYPE_CHECKING:
+    from mhvedit.viewer.session import Session
+
+EXTRA = "the viewer in a browser"
+INSTALL_WEB = "`pip install 'mhvedit[web]'`"
+
+
+def view(
+    path: Annotated[Path, typer.Argument(help="Scene file (.toml), or output folder of `mhvedit solve`.")],
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser instead of opening a window.")] = False,
+    shot: Annotated[Path | None, typer.Option(help="Draw one picture (.png, .webp, .jpg) without a screen.")] = None,
+    segment: Annotated[str | None, typer.Option(help="Key segment to begin with.")] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Of `--web`; the next free one is taken.")] = 8080,
+    host: Annotated[str, typer.Option(help="Address that `--web` listens on.")] = "127.0.0.1",
+    workers: Workers = 2,
+) -> None:
+    """Look at a scene, choose other solutions, and save the choice into the scene file."""
+    from mhvedit.view.studio import check_can_draw
+    from mhvedit.viewer.session import open_session
+
+    check_can_draw()
+    if shot is not None:
+        from mhvedit.viewer.shot import check_ending
+
+        check_ending(shot)
+    session = open_session(path, workers=workers, tell=say)
+    try:
+        if segment is not None:
+            session.go_to_segment(segment)
+        if shot is not None:
+            _draw(session, shot)
+        elif web:
+            _serve(session, host, port)
+        else:
+            from mhvedit.viewer.desktop import open_window
+
+            open_window(session)
+    finally:
+        session.close()
+
+
+def _draw(session: "Session", file: Path) -> None:
+    """One picture, of the answer: what is not solved yet is solved first."""
+    from mhvedit.viewer.shot import save_shot, shot
+
+    with progress_bar(quiet=False) as tell:
+        session.finish(tell)
+    if session.message and session.message != "solved":
+        say(session.message)
+    session.go_to_moment()
+    save_shot(shot(session.state, volumes=session.volumes()), file)
+    print(f"drawn {file}")
+
+
+def _serve(session: "Session", host: str, port: int) -> None:
+    from mhvedit.errors import MissingLibrary
+    from mhvedit.view.studio import studio
+
+    try:
+        from mhvedit.viewer.web import VIEW_SIZE, serve
+    except ImportError as fault:
+        raise MissingLibrary(EXTRA, INSTALL_WEB) from fault
+    with studio(*VIEW_SIZE) as plotter:
+        serve(session, plotter, host=host, port=port, tell=lambda words: print(words, flush=True))

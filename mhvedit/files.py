@@ -1,0 +1,93 @@
+"""Files that are there whole or not at all: written beside, then renamed."""
+
+import io
+import os
+import struct
+import threading
+import zipfile
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEVEL: Final = 3  # of compression; with higher ones writing takes longer than it saves
+WORTHWHILE: Final = 4096  # bytes; smaller arrays are neither compressed nor mapped
+LOCAL_HEADER: Final = 30  # bytes before a zip member's name; the last four tell the length of name and extra field
+FIELD: Final = struct.Struct("<HH")
+PADDING: Final = 0xD935  # kind of an extra field that says nothing
+ALIGNED: Final = 64  # bytes
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file beside another one, which it replaces when the block ends well; otherwise it is gone without a trace.
+
+    Args:
+        path: of the file that is to be there in the end.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    try:
+        yield beside
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write an .npz, the same bytes for the same arrays. Bytes and flags are compressed, numbers hardly would be.
+
+    Args:
+        path: of the file; replaced as a whole or not at all.
+        arrays: by name.
+    """
+    with replacing(path) as beside, zipfile.ZipFile(beside, "w") as container:
+        for name, array in arrays.items():
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.asanyarray(array), allow_pickle=False)
+            small = array.itemsize > 1 or array.size < WORTHWHILE
+            how = zipfile.ZIP_STORED if small else zipfile.ZIP_DEFLATED
+            member = zipfile.ZipInfo(f"{name}.npy")
+            member.extra = _padding(container.start_dir + LOCAL_HEADER + len(member.filename.encode()))
+            container.writestr(member, content.getbuffer(), how, LEVEL)
+
+
+def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
+    """Some arrays of a file that `write_arrays` wrote; those that are not compressed are read where they are looked at.
+
+    Args:
+        path: of the file.
+        names: of the arrays.
+
+    Raises:
+        KeyError: there is no such array.
+        OSError, ValueError, zipfile.BadZipFile: the file is missing or damaged.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    with path.open("rb") as file, zipfile.ZipFile(file) as container:
+        for name in names:
+            member = container.getinfo(f"{name}.npy")
+            if member.compress_type != zipfile.ZIP_STORED or member.file_size < WORTHWHILE:
+                with container.open(member) as content:
+                    arrays[name] = np.lib.format.read_array(content, allow_pickle=False)
+            else:
+                arrays[name] = _mapped(file, member.header_offset)
+    return arrays
+
+
+def _padding(start: int) -> bytes:
+    """An extra field for a zip member after which its array starts at a multiple of `ALIGNED`."""
+    size = FIELD.size + (-start - FIELD.size) % ALIGNED
+    return FIELD.pack(PADDING, size - FIELD.size).ljust(size, b"\0")
+
+
+def _mapped(file: BinaryIO, header: int) -> NDArray[Any]:
+    """The array of a member whose local header is at a place of a file."""
+    file.seek(header + LOCAL_HEADER - FIELD.size)
+    file.seek(sum(FIELD.unpack(file.read(FIELD.size))), os.SEEK_CUR)  # past its name and extra field
+    np.lib.format.read_magic(file)
+    shape, by_columns, kind = np.lib.format.read_array_header_1_0(file)
+    order: Literal["F", "C"] = "F" if by_columns else "C"
+    return np.asarray(np.memmap(file, kind, "r", file.tell(), shape, order))

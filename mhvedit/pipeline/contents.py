@@ -1,0 +1,74 @@
+"""What files hold, as hashes; a file that has not changed since is not read again."""
+
+import hashlib
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from mhvedit.files import replacing
+
+SETTLED: Final = 2_000_000_000  # ns; a file that changed so recently may change again without another time of change
+Stamp = tuple[int, int, int, int]  # size, times of change of content and of the file (ns), inode
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contents:
+    """Hashes of files, remembered by place, size, times of change and inode.
+
+    A folder that was moved, copied or touched has the same hashes; a file whose content changed never has.
+    """
+
+    memory: Path | None  # where the hashes are remembered; None: stamps stand in for them, for one process only
+    known: dict[str, tuple[Stamp, str]] = field(default_factory=dict)
+    fresh: set[str] = field(default_factory=set)  # hashed since they were last saved
+
+    def of(self, files: Iterable[Path]) -> str:
+        """One hash for the contents and formats of files, in this order.
+
+        Args:
+            files: that can be read.
+        """
+        return hashlib.blake2b(repr([self._of(file) for file in files]).encode(), digest_size=16).hexdigest()
+
+    def save(self) -> None:
+        """Remember for later runs."""
+        if self.memory is not None and self.fresh:
+            self.memory.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(self.memory) as beside:
+                beside.write_text(json.dumps(self.known))
+            self.fresh.clear()
+
+    def _of(self, file: Path) -> tuple[str, object]:
+        stat = file.stat()
+        stamp = (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
+        if self.memory is None:
+            return str(file), stamp
+        place = str(file.absolute())
+        known = self.known.get(place)
+        if known is None or known[0] != stamp:
+            known = stamp, hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest()
+            if time.time_ns() - max(stat.st_mtime_ns, stat.st_ctime_ns) > SETTLED:
+                self.known[place] = known
+                self.fresh.add(place)
+        return file.suffix.lower(), known[1]
+
+
+def contents(memory: Path | None) -> Contents:
+    """The hashes that earlier runs remembered; none where the memory is missing or damaged.
+
+    Args:
+        memory: a file, or None.
+    """
+    try:
+        told = {} if memory is None else json.loads(memory.read_text())
+        known = {place: (_stamp(*stamp), str(name)) for place, (stamp, name) in told.items()}
+    except (OSError, ValueError, TypeError, AttributeError):
+        known = {}
+    return Contents(memory, known)
+
+
+def _stamp(size: int, mtime: int, ctime: int, inode: int) -> Stamp:
+    return int(size), int(mtime), int(ctime), int(inode)

@@ -1,0 +1,260 @@
+"""The stages that lead to the solutions of one segment, from volumes to group; what is kept is not made again."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from mhvedit.errors import CaptureError, SceneError
+from mhvedit.geometry.arrays import BoolArray, IntArray
+from mhvedit.geometry.planar import wrap_angle
+from mhvedit.optimise.quality import contact_penalty
+from mhvedit.pipeline.decided import decided
+from mhvedit.pipeline.keys import (
+    bodies_key,
+    centres_key,
+    contact_key,
+    group_key,
+    segment_parts,
+    sight_key,
+    used_parts,
+    volumes_key,
+)
+from mhvedit.pipeline.packing import packed, unpacked
+from mhvedit.pipeline.people import Person
+from mhvedit.pipeline.store import Arrays, Key, Store
+from mhvedit.pipeline.terms import (
+    bodies_clauses,
+    contact_clauses,
+    segment_cones,
+    segment_contact,
+    segment_grid,
+    segment_pair,
+)
+from mhvedit.project.schema import SceneFile, SegmentSpec
+from mhvedit.search.groups import solution_group
+from mhvedit.search.poses import PoseGrid
+from mhvedit.search.sight import MutualSight
+from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap, SightTest, search_poses
+from mhvedit.sequences.segments import SegmentPair
+from mhvedit.volumes.history import frame_centres, word_count
+from mhvedit.volumes.subject import SubjectVolumes, part_of, subject_volumes
+
+MOST_WORDS = 1 << 29  # 64-bit words that one volume may take: 4 GB
+LEVER = 0.5  # m, what a radian of yaw counts for in clearances
+Progress = Callable[[float], None]
+Pair = tuple[SubjectVolumes, SubjectVolumes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stages:
+    """What the stages of one segment work with, and the keys that their results are kept under."""
+
+    scene: SceneFile
+    spec: SegmentSpec
+    people: Mapping[str, Person]
+    pair: SegmentPair
+    cones: MutualSight | None
+    facing: tuple[float, float]  # rad, of A and B over the segment, canonical frames
+    store: Store
+    workers: int
+    of_volumes: tuple[Key, Key]
+    of_contact: Key
+    of_bodies: Key
+    of_sight: Key | None
+    of_group: Key
+
+
+def segment_stages(
+    scene: SceneFile, spec: SegmentSpec, people: Mapping[str, Person], *, fps: float, store: Store, workers: int
+) -> Stages:
+    """Find out what a segment depends on; nothing is made yet.
+
+    Args:
+        scene: the scene file.
+        spec: the segment.
+        people: by name.
+        fps: of the scene.
+        store: where results are kept.
+        workers: threads.
+    """
+    pair = segment_pair(scene, spec, people, fps)
+    sides = list(zip((0, 1), spec.between, (pair.a, pair.b), strict=True))
+    a, b = (volumes_key(scene, spec, side, people[name], numbers, store.contents) for side, name, numbers in sides)
+    facing_a, facing_b = (
+        float(wrap_angle(people[name].facing_over(numbers) - people[name].pose[2])) for _, name, numbers in sides
+    )
+    cones, facing = segment_cones(spec, people, pair), (facing_a, facing_b)
+    of_contact = contact_key(scene, spec, (a, b))
+    of_bodies = bodies_key(of_contact, spec)
+    of_sight = sight_key(of_bodies, cones)
+    return Stages(
+        scene=scene,
+        spec=spec,
+        people=people,
+        pair=pair,
+        cones=cones,
+        facing=facing,
+        store=store,
+        workers=workers,
+        of_volumes=(a, b),
+        of_contact=of_contact,
+        of_bodies=of_bodies,
+        of_sight=of_sight,
+        of_group=group_key(of_sight or of_bodies, window=scene.search.window, facing=facing, lever=LEVER),
+    )
+
+
+def volumes_of(stages: Stages) -> Pair:
+    """Both subjects' volumes.
+
+    Raises:
+        CaptureError: a part is empty in some frame of the segment.
+        SceneError: the voxels are too small for a subject of that size.
+    """
+    return _volumes(stages, 0), _volumes(stages, 1)
+
+
+def grid_of(stages: Stages) -> PoseGrid:
+    """The candidate poses."""
+    return segment_grid(stages.scene, _centres(stages, 0)["root"], _centres(stages, 1)["root"])
+
+
+def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None) -> ReasonMap:
+    """What accepted or first rejected each pose: contact, then bodies where that accepts it, then sight likewise.
+
+    It is what one search with all constraints finds, since such a search tests them in this order.
+
+    Args:
+        stages: of a segment.
+        grid: its candidate poses.
+        progress: told the share of the search that is done.
+    """
+    volumes = cache(lambda: volumes_of(stages))
+    spec, search = stages.spec, partial(search_poses, grid, workers=stages.workers)
+
+    def contact(among: BoolArray | None) -> ReasonMap:
+        return search(contact_clauses(spec, *volumes()), among=among, progress=progress)
+
+    def bodies(among: BoolArray | None) -> ReasonMap:
+        clauses = bodies_clauses(spec, *volumes(), pitch=stages.scene.search.voxel)
+        return search(clauses, among=among, progress=progress)
+
+    def sight(among: BoolArray | None) -> ReasonMap:
+        assert stages.cones is not None
+        test = SightTest(stages.cones, volumes()[0].body, volumes()[1].body)
+        return search((), sight=test, among=among)
+
+    found = decided(stages.store, stages.of_contact, grid, contact)
+    found = _further(found, decided(stages.store, stages.of_bodies, grid, bodies, among=found.accepted))
+    if stages.of_sight is None:
+        return found
+    return _further(found, decided(stages.store, stages.of_sight, grid, sight, among=found.accepted))
+
+
+def group_of(
+    stages: Stages,
+    grid: PoseGrid,
+    *names: str,
+    progress: Progress | None = None,
+    made: Callable[[ReasonMap], None] | None = None,
+) -> Arrays:
+    """The solutions in columns, and what became of the other poses.
+
+    Args:
+        stages: of a segment.
+        grid: its candidate poses.
+        names: of the arrays that are asked for, all if none is named: `cells` (S,) in the flattened grid, ascending;
+            `region`, `clearance`, `distance`, `theta_a`, `theta_b`, `penalty` (S,); `n_regions`; `reasons`, `counts`.
+        progress: told the share of the search that is done.
+        made: given the map, if it had to be made.
+    """
+
+    def build() -> Arrays:
+        found = found_by(stages, grid, progress=progress)
+        group = solution_group(found, facing_a=stages.facing[0], facing_b=stages.facing[1], lever=LEVER)
+        if made is not None:
+            made(found)
+        contact = segment_contact(stages.spec, _centres(stages, 0), _centres(stages, 1), stages.pair.n_frames)
+        return {
+            "cells": np.flatnonzero(found.reason == ACCEPTED).astype(
+                np.int32 if found.reason.size < 2**31 else np.int64
+            ),
+            "region": group.region,
+            "clearance": group.clearance,
+            "distance": group.distance,
+            "theta_a": group.theta_a,
+            "theta_b": group.theta_b,
+            "penalty": np.zeros(len(group)) if contact is None else contact_penalty(contact, group.poses),
+            "n_regions": group.region.max(initial=-1) + 1,
+            "reasons": np.array(found.reasons),
+            "counts": np.array([np.count_nonzero(found.reason == n) for n in range(len(found.reasons))]),
+        }
+
+    return stages.store.arrays(stages.of_group, build, names=names)
+
+
+def _further(found: ReasonMap, more: ReasonMap) -> ReasonMap:
+    """A map whose accepted poses were tested for more."""
+    reason, shift = found.reason.copy(), np.uint8(len(found.reasons) - len(BASE_REASONS))
+    np.add(more.reason, shift, out=reason, where=more.reason >= len(BASE_REASONS))
+    return ReasonMap(found.grid, reason, found.reasons + more.reasons[len(BASE_REASONS) :])
+
+
+def _centres(stages: Stages, side: int) -> Arrays:
+    """A subject's `root`, and the centre of its interest `part` in every frame."""
+    part, of_volumes = segment_parts(stages.spec)[side], stages.of_volumes[side]
+
+    def build() -> Arrays:
+        volumes = _volumes(stages, side)
+        return {"root": volumes.body.centre[:2], "part": frame_centres(part_of(volumes, part))}
+
+    return stages.store.arrays(centres_key(of_volumes, part), build)
+
+
+def _volumes(stages: Stages, side: int) -> SubjectVolumes:
+    name, numbers = stages.spec.between[side], (stages.pair.a, stages.pair.b)[side]
+
+    def build() -> Arrays:
+        person, parts = stages.people[name], used_parts(stages.spec, side)
+        _check_size(stages.scene, person, numbers)
+        made = subject_volumes(
+            person.sequence,
+            person.subject.parts,
+            numbers=tuple(int(n) for n in numbers),
+            pose=person.pose,
+            pitch=stages.scene.search.voxel,
+            wanted=parts,
+            workers=stages.workers,
+        )
+        _check_parts(stages.spec, name, parts, made, numbers)
+        return packed(made)
+
+    return unpacked(stages.store.arrays(stages.of_volumes[side], build))
+
+
+def _check_size(scene: SceneFile, person: Person, numbers: IntArray) -> None:
+    """Refuse what memory cannot hold: most often the units are wrong."""
+    rows = np.searchsorted(np.array(person.sequence.numbers), numbers)
+    size = person.bounds[rows, 1].max(0) - person.bounds[rows, 0].min(0)
+    words = word_count(len(numbers)) * float(np.prod(size / scene.search.voxel + 1))
+    if words > MOST_WORDS:
+        least = scene.search.voxel * (words / MOST_WORDS) ** (1 / 3)
+        box = " x ".join(f"{x:.3g}" for x in size)
+        expected = f"at least {least:.2g} m, as {person.subject.name} takes {box} m (units?)"
+        raise SceneError(scene.file, "search.voxel", expected, f"{scene.search.voxel:g}")
+
+
+def _check_parts(spec: SegmentSpec, name: str, parts: frozenset[str], made: SubjectVolumes, numbers: IntArray) -> None:
+    for part in sorted(parts):
+        volume = part_of(made, part)
+        seen = np.bitwise_or.reduce(volume.frames.reshape(-1, volume.frames.shape[-1]), axis=0)
+        bits = np.unpackbits(seen.astype("<u8").view(np.uint8), bitorder="little")[: len(numbers)]
+        missing = numbers[bits == 0]
+        if len(missing):
+            where = "every frame" if len(missing) == len(numbers) else f"frame {missing[0]}"
+            more = f" and {len(missing) - 1} more" if 1 < len(missing) < len(numbers) else ""
+            raise CaptureError(
+                f'{name}, segment "{spec.name}"', f'part "{part}" to hold some of the subject', f"none in {where}{more}"
+            )

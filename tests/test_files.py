@@ -1,0 +1,86 @@
+"""Files that are there whole or not at all."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
+
+from mhvedit.files import ALIGNED, map_arrays, replacing, write_arrays
+
+KINDS = (np.uint8, np.bool_, np.int32, np.uint64, np.float64)
+
+
+def test_a_file_takes_the_place_of_another(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    with replacing(tmp_path / "a") as beside:
+        beside.write_text("new")
+        assert (tmp_path / "a").read_text() == "old"
+    assert (tmp_path / "a").read_text() == "new" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_failure_leaves_the_old_file(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "a") as beside:
+        beside.write_text("half")
+        raise KeyboardInterrupt
+    assert (tmp_path / "a").read_text() == "old" and len(list(tmp_path.iterdir())) == 1
+
+
+@given(
+    arrays=st.dictionaries(
+        st.sampled_from(["x", "räume", "reason", "a_b"]),
+        st.sampled_from(KINDS).flatmap(
+            lambda kind: st_numpy.arrays(kind, st_numpy.array_shapes(min_dims=0, max_dims=3, min_side=0))
+        ),
+        min_size=1,
+    )
+)
+def test_arrays_come_back(arrays: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.mktemp("arrays") / "a.npz"
+    write_arrays(path, arrays)
+    with np.load(path) as read:
+        assert set(read.files) == set(arrays)
+        for name, array in arrays.items():
+            np.testing.assert_array_equal(read[name], array)
+    for name, array in map_arrays(path, list(arrays)).items():
+        np.testing.assert_array_equal(array, arrays[name])
+
+
+def test_large_arrays_are_mapped_where_numbers_lie_aligned(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    arrays = {"flags": rng.random(9000) < 0.01, "odd": np.arange(3), "x": rng.random(5000), "y": rng.random((700, 3)).T}
+    write_arrays(tmp_path / "a.npz", arrays)
+    mapped = map_arrays(tmp_path / "a.npz", ["y", "x", "flags"])
+    for name, array in mapped.items():
+        np.testing.assert_array_equal(array, arrays[name])
+    for name in ("x", "y"):
+        assert not mapped[name].flags.owndata and mapped[name].flags.aligned
+        assert mapped[name].ctypes.data % ALIGNED == 0
+    with zipfile.ZipFile(tmp_path / "a.npz") as container:
+        assert container.testzip() is None
+        assert container.getinfo("flags.npy").compress_size < 2000
+
+
+def test_the_same_arrays_make_the_same_file(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_arrays(tmp_path / name, {"x": np.arange(10.0), "reason": np.zeros(9999, np.uint8)})
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_file_that_was_cut_off(tmp_path: Path, share: float) -> None:
+    path = tmp_path / "a.npz"
+    write_arrays(path, {"x": np.arange(9999.0)})
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises((ValueError, zipfile.BadZipFile, EOFError)):
+        map_arrays(path, ["x"])
+
+
+def test_an_array_that_is_not_there(tmp_path: Path) -> None:
+    write_arrays(tmp_path / "a.npz", {"x": np.arange(3)})
+    with pytest.raises(KeyError):
+        map_arrays(tmp_path / "a.npz", ["y"])
