@@ -165,7 +165,8 @@ def _facing(
     """The least that facing costs over intervals of the turn and of the mismatch, the turn at which it does, and k.
 
     At any other turn of the interval it is at least 1/2 k times the square of the way more, since it is convex where
-    nobody is off by more than a quarter turn. The least is 0 where both intervals hold 0, else on one of the four edges.
+    nobody is off by more than a quarter turn. The least is 0 where both intervals hold 0, else it is on one of the four
+    edges.
     """
     least, best = np.inf, turn
     if abs(turn) <= half_turn and abs(mismatch) <= half_mismatch:

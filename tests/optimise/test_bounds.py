@@ -1,9 +1,11 @@
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mhvedit.optimise.bounds import Links, _facing, loss_of
-from mhvedit.optimise.chains import chain_cost, stage_costs, with_best_turns
+from mhvedit.optimise.chains import chain_cost, stage_costs, vectors, with_best_turns
 from tests.optimise.problems import problem
 
 SOME = settings(deadline=None, max_examples=100, derandomize=True)
@@ -38,20 +40,13 @@ def test_near_its_best_turns_and_gauge_a_chain_costs_no_more_than_the_loss_on_to
     rng = np.random.default_rng(seed)
     chosen = np.array([rng.integers(len(stage)) for stage in stages])
     best = with_best_turns(costs, chosen, float(rng.uniform(0, 6)))
-    links = Links(
-        np.array([stage.weight_a for stage in costs]),
-        np.array([stage.weight_b for stage in costs]),
-        np.array([after.roots_a[0] - before.roots_a[-1] for before, after in zip(costs, costs[1:], strict=False)]),
-        np.array([after.roots_b[0] - before.roots_b[-1] for before, after in zip(costs, costs[1:], strict=False)]),
-    )
-    reach = np.array(
-        [
-            abs(s.shifts[r] + np.exp(1j * s.yaws[r]) * s.roots_b[0] - s.roots_a[0])
-            for s, r in zip(costs, chosen, strict=True)
-        ]
-    )
+    pairs = list(pairwise(costs))
+    kept = [(b.roots_a[0] - a.roots_a[-1], b.roots_b[0] - a.roots_b[-1]) for a, b in pairs]
+    weights = np.array([[stage.weight_a, stage.weight_b] for stage in costs])
+    links = Links(*np.ascontiguousarray(weights.T), *np.ascontiguousarray(np.array(kept).T))
+    reach = [abs(vectors(stage, chosen[[g]], 0)[0]) for g, stage in enumerate(costs)]
     turn, gauge = 10.0**size, 10.0**size * rng.uniform(0, 1)
-    loss = loss_of(links, reach, turn, gauge, best.cost)
+    loss = loss_of(links, np.array(reach), turn, gauge, best.cost)
     for _ in range(20):
         off = turn * rng.choice([-1.0, 1.0], 4) * rng.choice([1.0, rng.random()])
         cost = chain_cost(costs, chosen, best.turns + off, best.gauge + gauge * rng.choice([-1.0, 1.0]))
