@@ -29,8 +29,8 @@ ROOT = Path(__file__).resolve().parents[1]
 MOTIONS = ROOT.parent / "shared" / "data" / "motions"
 HEAD = """# Avoidance, measured
 
-Made by `benchmarks/avoidance.py`. *Excess* is how much deeper than at rest and 2.5 mm the deepest pair of limbs is (a
-collision is 5 mm deeper than at rest; the guard keeps half of it in reserve); *step* and *jerk* are ratios to the
+Made by `benchmarks/avoidance.py`. *Excess* is how much deeper than at rest and 4 mm the deepest pair of limbs is (a
+collision is 5 mm deeper than at rest); *step* and *jerk* are ratios to the
 captured motion; *slip* is what feet that stood still moved; *ms* is the time a frame of the motion, all frames counted.
 Nebel's method interpolates between key frames and keeps nothing of the captured motion between them, so its feet slide;
 it is here as the baseline.

@@ -1,7 +1,7 @@
 """Measures the search of one segment in a process of its own, and prints figures as JSON.
 
     python -m benchmarks.measure_search make SCENE CACHE FOLDER [SEGMENT ...]
-    python -m benchmarks.measure_search run CASE
+    python -m benchmarks.measure_search run CASE [--runs N]
     python -m benchmarks.measure_search plain CASE [--sample POSES]
     python -m benchmarks.measure_search fft CASE [--sample YAWS]
 
@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.fft_search import FftSearch
 from benchmarks.plain_search import Turned, reason_at
 from benchmarks.search_case import (
+    RUNS,
     WORKERS,
     SearchCase,
     best_of,
@@ -37,14 +38,14 @@ WORST = 0.25  # furthest that a count of shared voxels may be from a whole numbe
 Figures = dict[str, float | int | str]
 
 
-def alone(case: SearchCase) -> Figures:
+def alone(case: SearchCase, runs: int) -> Figures:
     """The search without sight, then sight alone where the rest accepts."""
-    seconds, found = best_search(case.grid, case.clauses)
+    seconds, found = best_search(case, runs=runs)
     sight_seconds, peak = 0.0, peak_mb()
     if case.sight is not None:
         sight, accepted = case.sight, found.accepted
         sight_seconds, _ = best_of(
-            lambda: search_poses(case.grid, (), sight=sight, among=accepted, workers=WORKERS), runs=1
+            lambda: search_poses(case.grid, (), sight=sight, among=accepted, workers=WORKERS), runs=runs
         )
     return {
         "interaction": case.interaction,
@@ -60,7 +61,7 @@ def alone(case: SearchCase) -> Figures:
 
 def beside_plain(case: SearchCase, poses: int) -> Figures:
     """The search pose by pose, on a sample; its voxels are turned at each pose, or all yaws were turned beforehand."""
-    ours, found = best_search(case.grid, case.clauses)
+    ours, found = best_search(case)
     inside = np.flatnonzero(found.reason != OUTSIDE)
     chosen = np.random.default_rng(SEED).choice(inside, poses, replace=False)
     spent, without_turning, different = 0.0, 0.0, 0
@@ -80,7 +81,7 @@ def beside_plain(case: SearchCase, poses: int) -> Figures:
 
 def beside_fft(case: SearchCase, sample: int) -> Figures:
     """The search by correlation, at all yaws (0) or at so many."""
-    ours, found = best_search(case.grid, case.clauses)
+    ours, found = best_search(case)
     n_yaw = case.grid.n_yaw
     count = sample or n_yaw
     yaws = np.arange(count) * n_yaw // count
@@ -104,17 +105,17 @@ def main() -> None:
     for name in ("scene", "cache", "folder"):
         make.add_argument(name, type=Path)
     make.add_argument("names", nargs="*")
-    for way, sample in (("run", 0), ("plain", POSES), ("fft", 0)):
+    for way, option, usual in (("run", "--runs", RUNS), ("plain", "--sample", POSES), ("fft", "--sample", 0)):
         measured = ways.add_parser(way)
         measured.add_argument("case", type=Path)
-        measured.add_argument("--sample", type=int, default=sample)
+        measured.add_argument(option, type=int, default=usual)
     asked = parser.parse_args()
     if asked.way == "make":
         make_cases(asked.scene, asked.cache, asked.folder, asked.names)
         return
     case = read_case(asked.case)
     if asked.way == "run":
-        print(json.dumps(alone(case)))
+        print(json.dumps(alone(case, asked.runs)))
     else:
         print(json.dumps((beside_plain if asked.way == "plain" else beside_fft)(case, asked.sample)))
 

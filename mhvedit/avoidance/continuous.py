@@ -13,7 +13,7 @@ from mhvedit.skeleton.model import Motion, Skeleton
 
 REACH = 0.02  # m: no joint goes further between two looks
 MOST = 16  # looks between two frames
-SLACK = 0.0075  # m: between frames limbs may graze each other by this much more than in them
+SLACK = 0.006  # m: between frames limbs may graze each other by this much more than in them
 SPREAD = 4  # frames on either side that take part in going round
 ROUNDS = 6
 
@@ -95,7 +95,7 @@ def _pass_by(problem: Problem, q: FloatArray, frame: int, share: float) -> Float
     body, captured = problem.body, problem.captured.q
     limits = limits_around(body.skeleton.limits, captured[frame])
     between = q[frame] + share * (q[frame + 1] - q[frame])
-    asked = task_constraints(problem, frame, q, all_tasks=False)
+    asked = task_constraints(problem, frame, q)
     change = correct_posture(body, between, constraints=asked, limits=limits).q - between
     near = _window(frame, len(q))
     away = np.maximum(np.abs(near - (frame + share)) - 0.5, 0.0) / SPREAD

@@ -24,12 +24,15 @@ class StandingSettings:
     least: int = 3  # frames that it has to last
 
 
-def standing(paths: FloatArray, *, fps: float, settings: StandingSettings | None = None) -> BoolArray:
+def standing(
+    paths: FloatArray, *, fps: float, floor: float | None = None, settings: StandingSettings | None = None
+) -> BoolArray:
     """In which frames points stand still near the ground.
 
     Args:
         paths: (T, E, 3) m.
         fps: Hz.
+        floor: m, height of the ground; by default each point's own lowest.
         settings: thresholds.
 
     Returns:
@@ -44,7 +47,7 @@ def standing(paths: FloatArray, *, fps: float, settings: StandingSettings | None
     still = np.zeros(paths.shape[:2], np.bool_)
     still[:-1] |= slow
     still[1:] |= slow
-    still &= paths[..., 2] < paths[..., 2].min(0) + chosen.height
+    still &= paths[..., 2] < (paths[..., 2].min(0) if floor is None else floor) + chosen.height
     return _without_short_runs(still, chosen.least)
 
 
@@ -55,7 +58,9 @@ def ground_joints(skeleton: Skeleton, roles: tuple[str, ...] = FEET) -> IntArray
     return np.flatnonzero(chosen | (ends & chosen[skeleton.parents]))
 
 
-def keep_standing(skeleton: Skeleton, motion: Motion, joints: IntArray) -> Keep:
+def keep_standing(
+    skeleton: Skeleton, motion: Motion, joints: IntArray, *, floor: float | None = None, required: bool = True
+) -> Keep:
     """The task that keeps joints where they were captured while they stand.
 
     Between two stands they may leave their path by as much as they can come back for in time.
@@ -64,11 +69,13 @@ def keep_standing(skeleton: Skeleton, motion: Motion, joints: IntArray) -> Keep:
         skeleton: the tree.
         motion: captured.
         joints: (E,).
+        floor: m, height of the ground; by default each joint's own lowest.
+        required: or may be given up where nothing fits.
     """
     points = np.zeros((len(joints), 3))
     paths = points_on_joints(skeleton, motion.q, joints, points)
-    still = standing(paths, fps=motion.fps)
-    return Keep(joints, points, paths, frames_to(still) * DETOUR / motion.fps)
+    still = standing(paths, fps=motion.fps, floor=floor)
+    return Keep(joints, points, paths, frames_to(still) * DETOUR / motion.fps, required)
 
 
 def keep_everywhere(skeleton: Skeleton, motion: Motion, joints: IntArray) -> Keep:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mhvedit.avoidance.bisection import collision_groups
 from mhvedit.avoidance.kalman import Effectors, FilterSettings, resolve_effectors
-from mhvedit.avoidance.methods import Avoided, Problem, predict_frame, settled, task_residuals
+from mhvedit.avoidance.methods import RESERVE, Avoided, Problem, predict_frame, settled, task_residuals
 from mhvedit.avoidance.tasks import Keep
 from mhvedit.avoidance.trajectory import Curve, Ends, KeyDisplacements, constraint_trajectory
 from mhvedit.geometry.arrays import FloatArray
@@ -60,8 +60,8 @@ def avoid_by_filter(problem: Problem, *, settings: LoopSettings | None = None) -
     before = guard.excess(problem.captured.q)
     q, after, edits = problem.captured.q, before, list[Edit]()
     best, best_after, rounds, best_round, solved = q, before, 0, 0, 0
-    while (after > 0).any() and rounds < chosen.rounds and rounds - best_round < chosen.patience:
-        for group in collision_groups(after > 0):
+    while (after > -RESERVE).any() and rounds < chosen.rounds and rounds - best_round < chosen.patience:
+        for group in collision_groups(after > -RESERVE):
             frame = group[0] + int(after[group[0] : group[1] + 1].argmax())
             correct_key_frame(problem, edits, q, frame=frame, group=group, settings=chosen)
             solved += 1
@@ -115,7 +115,7 @@ def correct_key_frame(
 
 def _badness(excess: FloatArray) -> tuple[int, float]:
     """Which of two motions is nearer to free: fewer colliding frames, then less deep ones."""
-    return int((excess > 0).sum()), float(np.maximum(excess, 0).sum())
+    return int((excess > -RESERVE).sum()), float(np.maximum(excess, -RESERVE).sum())
 
 
 def _resolve(problem: Problem, edits: list[Edit], settings: LoopSettings) -> FloatArray:

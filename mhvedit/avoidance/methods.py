@@ -13,6 +13,7 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.skeleton.model import Motion
 
 LIKENESS = 0.6  # rad or m: a posture that differs more from the captured one is a last resort
+RESERVE = 0.0015  # m: frames are worked on until they are free by this much
 STEP_SHARE = 0.3  # of the largest captured step
 TASK_SLACK = 2e-3  # m: tasks count as kept
 KEY_EVERY = 15  # frames between the key frames that Nebel's method starts from
@@ -111,12 +112,11 @@ def predict_frame(problem: Problem, frame: int, q: FloatArray, *, away: int) -> 
     room = (away * step_allowance(problem))[:, None] * np.array([-1.0, 1.0])
     like = np.clip(captured[:, None] + LIKENESS * np.array([-1.0, 1.0]), limits[:, :1], limits[:, 1:])
     near = np.clip(np.clip(q[frame], like[:, 0], like[:, 1])[:, None] + room, like[:, :1], like[:, 1:])
-    all_tasks = task_constraints(problem, frame, q, all_tasks=True)
-    required = task_constraints(problem, frame, q, all_tasks=False)
+    tiers = [task_constraints(problem, frame, q, given_up=n) for n in range(wishes(problem) + 1)]
+    all_tasks, required = tiers[0], tiers[-1]
     best: Posture | None = None
     for start, bounds, constraints, memory in (
-        (q[frame], near, all_tasks, MEMORY),
-        (q[frame], near, required, MEMORY),
+        *((q[frame], near, tier, MEMORY) for tier in tiers),
         (q[frame], near, all_tasks, LONG_MEMORY),
         (q[frame], near, required, LONG_MEMORY),
         (captured, like, all_tasks, MEMORY),
@@ -156,7 +156,7 @@ def settled(problem: Problem, frames: IntArray, q: FloatArray) -> FloatArray:
     curves = problem.captured.q.copy()
     curves[frames] = q
     for i, frame in enumerate(frames):
-        constraints = task_constraints(problem, int(frame), curves, all_tasks=False)
+        constraints = task_constraints(problem, int(frame), curves)
         if constraints and (q[i] != problem.captured.q[frame]).any():
             body, captured = problem.body, problem.captured.q[frame]
             limits = limits_around(body.skeleton.limits, captured)
@@ -166,17 +166,37 @@ def settled(problem: Problem, frames: IntArray, q: FloatArray) -> FloatArray:
     return out
 
 
-def task_constraints(problem: Problem, frame: int, q: FloatArray, *, all_tasks: bool) -> list[Constraint]:
-    """What the tasks ask in one frame; all of them or the required ones."""
-    asked = [task for task in problem.tasks if all_tasks or task.required]
-    return [constraint for task in asked for constraint in task.constraints(frame, q)]
+def wishes(problem: Problem) -> int:
+    """How many tasks may be given up."""
+    return sum(not task.required for task in problem.tasks)
+
+
+def task_constraints(
+    problem: Problem, frame: int, q: FloatArray, *, given_up: int | None = None
+) -> list[Constraint]:
+    """What the tasks ask in one frame.
+
+    Args:
+        problem: what to solve.
+        frame: which.
+        q: (T, D) curves as they are.
+        given_up: how many of the tasks that may be given up are, in their order; all of them by default.
+    """
+    left = wishes(problem) if given_up is None else given_up
+    asked = list[Constraint]()
+    for task in problem.tasks:
+        if not task.required and left > 0:
+            left -= 1
+            continue
+        asked += task.constraints(frame, q)
+    return asked
 
 
 def task_residuals(problem: Problem, q: FloatArray) -> FloatArray:
     """(T,) m, by how much the required tasks are missed."""
     out = np.zeros(len(q))
     for frame in range(len(q)):
-        out[frame] = task_violation(problem.body, q[frame], task_constraints(problem, frame, q, all_tasks=False))
+        out[frame] = task_violation(problem.body, q[frame], task_constraints(problem, frame, q))
     return out
 
 
@@ -186,7 +206,7 @@ def touched_frames(captured: Motion, motion: Motion) -> BoolArray:
 
 
 def _collide(problem: Problem, q: FloatArray) -> BoolArray:
-    return np.asarray(problem.body.guard.excess(q) > 0)
+    return np.asarray(problem.body.guard.excess(q) > -RESERVE)
 
 
 def _avoided(problem: Problem, found: Bisected) -> Avoided:

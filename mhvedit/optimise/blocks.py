@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.optimise.chains import StageCosts, vectors
 
 COARSEST = 5  # level of the largest blocks: 32 steps of x and y
@@ -23,7 +23,7 @@ class Curve:
     """The solutions of one stage along the curve."""
 
     codes: IntArray  # (S,) place on the curve, ascending
-    rows: IntArray  # (S,) of the stage
+    rows: Int32Array  # (S,) of the stage
     first: ComplexArray  # (S,) m, from A's to B's first root, A standing as it was
     last: ComplexArray  # (S,) m, and between the last roots
     yaws: FloatArray  # (S,) rad
@@ -34,8 +34,8 @@ class Blocks:
     """Blocks of one level, of all stages one after the other."""
 
     level: int
-    stage: IntArray  # (N,)
-    run: IntArray  # (N, 2) start and stop along the stage's curve
+    stage: Int32Array  # (N,)
+    run: Int32Array  # (N, 2) start and stop along the stage's curve
     first: ComplexArray  # (N,) m, middle of the vectors between the stage's first roots
     last: ComplexArray  # (N,) m, and between its last
     radius: FloatArray  # (N,) m, of the discs around both
@@ -52,7 +52,9 @@ def curve_of(stage: StageCosts) -> Curve:
     codes = _codes(np.ascontiguousarray(keys))
     rows = np.argsort(codes, kind="stable")
     first, last = (vectors(stage, rows, which) for which in (0, -1))
-    return Curve(codes[rows], rows, first, first if np.array_equal(first, last) else last, stage.yaws[rows])
+    return Curve(
+        codes[rows], rows.astype(np.int32), first, first if np.array_equal(first, last) else last, stage.yaws[rows]
+    )
 
 
 def coarsest_blocks(curves: Sequence[Curve], pool: ThreadPoolExecutor) -> Blocks:
@@ -65,7 +67,7 @@ def coarsest_blocks(curves: Sequence[Curve], pool: ThreadPoolExecutor) -> Blocks
     runs = []
     for curve in curves:
         starts = np.flatnonzero(np.diff(curve.codes >> _bits(COARSEST), prepend=-1))
-        runs.append(np.column_stack([starts, np.append(starts[1:], len(curve.codes))]))
+        runs.append(np.column_stack([starts, np.append(starts[1:], len(curve.codes))]).astype(np.int32))
     return _described(curves, pool, COARSEST, runs)
 
 
@@ -92,10 +94,12 @@ def smaller_blocks(
     return _described(curves, pool, blocks.level - 1, [run for run, _ in cut]), np.cumsum(count)
 
 
-def _described(curves: Sequence[Curve], pool: ThreadPoolExecutor, level: int, runs: Sequence[IntArray]) -> Blocks:
+def _described(curves: Sequence[Curve], pool: ThreadPoolExecutor, level: int, runs: Sequence[Int32Array]) -> Blocks:
     parts = pool.map(lambda curve, run: _discs(curve.first, curve.last, curve.yaws, run), curves, runs)
     first, last, radius, yaw, half_yaw = (np.concatenate(column) for column in zip(*parts, strict=True))
-    stage = np.repeat(np.arange(len(curves)), [len(run) for run in runs])
+    stage = np.repeat(np.arange(len(curves), dtype=np.int32), [len(run) for run in runs])
+    if all(curve.last is curve.first for curve in curves):
+        last = first
     return Blocks(level, stage, np.concatenate(runs), first, last, radius, yaw, half_yaw)
 
 
@@ -120,13 +124,13 @@ def _codes(keys: IntArray) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def _cut(codes: IntArray, run: IntArray, bits: int) -> tuple[IntArray, IntArray]:
+def _cut(codes: IntArray, run: Int32Array, bits: int) -> tuple[Int32Array, IntArray]:
     """Where codes change within runs: the smaller runs, and how many each has."""
     per_block = np.zeros(run.shape[0], np.int64)
     for n in range(run.shape[0]):
         for i in range(run[n, 0], run[n, 1]):
             per_block[n] += i == run[n, 0] or codes[i] >> bits != codes[i - 1] >> bits
-    out = np.empty((per_block.sum(), 2), np.int64)
+    out = np.empty((per_block.sum(), 2), np.int32)
     at = 0
     for n in range(run.shape[0]):
         for i in range(run[n, 0], run[n, 1]):
@@ -139,7 +143,7 @@ def _cut(codes: IntArray, run: IntArray, bits: int) -> tuple[IntArray, IntArray]
 
 @njit(cache=True, nogil=True)
 def _discs(
-    first: ComplexArray, last: ComplexArray, yaws: FloatArray, run: IntArray
+    first: ComplexArray, last: ComplexArray, yaws: FloatArray, run: Int32Array
 ) -> tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
     """Middles of first and last, radius, yaw and half yaw of runs of solutions."""
     count = run.shape[0]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.optimise.steps import Places, cheapest_step
 
 STIFFNESS = 1e-12  # m^2, no less counts
@@ -51,7 +51,7 @@ def loss_of(links: Links, reach: FloatArray, flat_turn: float, flat_gauge: float
 @njit(cache=True, nogil=True)
 def bound_branches(
     branches: IntArray,
-    cells: tuple[FloatArray, IntArray, IntArray, IntArray],
+    cells: tuple[FloatArray, IntArray, Int32Array, Int32Array],
     blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
     links: Links,
     widths: tuple[float, float, float, float, float],
@@ -92,8 +92,8 @@ def bound_branches(
 @njit(cache=True, nogil=True)
 def _places(
     at: IntArray,
-    block: IntArray,
-    slot: IntArray,
+    block: Int32Array,
+    slot: Int32Array,
     gauge: float,
     blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
     links: Links,
@@ -264,8 +264,8 @@ def _behind(
 
 @njit(cache=True, nogil=True)
 def split_cells(
-    block: IntArray, slot: IntArray, child_starts: IntArray, sides: int, total: int
-) -> tuple[IntArray, IntArray]:
+    block: Int32Array, slot: Int32Array, child_starts: IntArray, sides: int, total: int
+) -> tuple[Int32Array, Int32Array]:
     """Block and slot of every cell's parts: each smaller block, with each part of the turn.
 
     Args:
@@ -275,7 +275,7 @@ def split_cells(
         sides: parts of the turn.
         total: how many parts there are.
     """
-    fine, side_of = np.empty(total, np.int64), np.empty(total, np.int64)
+    fine, side_of = np.empty(total, np.int32), np.empty(total, np.int32)
     at = 0
     for n in range(block.shape[0]):
         for child in range(child_starts[block[n]], child_starts[block[n] + 1]):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.optimise.blocks import COARSEST, Blocks, Curve, coarsest_blocks, curve_of, smaller_blocks
 from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
 from mhvedit.optimise.chains import Chain, StageCosts, first_chain, polished
@@ -66,8 +66,8 @@ class _Cells:
 
     gauges: FloatArray  # (B,) rad, middle of each branch
     bounds: IntArray  # (B, G + 1) where the cells of each stage start and stop
-    block: IntArray  # (N,) row of the blocks
-    slot: IntArray  # (N,) index of the interval of the turn
+    block: Int32Array  # (N,) row of the blocks
+    slot: Int32Array  # (N,) index of the interval of the turn
 
     def __len__(self) -> int:
         return len(self.block)
@@ -134,10 +134,10 @@ def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain
             if level.blocks == DIVE_FROM:
                 _dive(problem, blocks, cells, level, known, step)
             finer = _finer(problem, level, step, known.best.cost)
-            blocks, refined = _refined(problem, blocks, cells, level, finer)
-            if len(refined) > MOST_CELLS:
+            blocks, cells = _refined(problem, blocks, cells, level, finer)
+            level = finer
+            if len(cells) > MOST_CELLS:
                 break
-            cells, level = refined, finer
     best = known.best
     return Chain(best.chosen, best.turns, best.gauge, best.cost, min(known.bound, best.cost))
 
@@ -165,9 +165,9 @@ def _everything(costs: Sequence[StageCosts], blocks: Blocks, cost: float, n_yaw:
     gauges = (np.arange(n_gauges) + 0.5) * 2 * np.pi / n_gauges
     stops = np.concatenate([[0], np.cumsum(np.bincount(blocks.stage, minlength=len(costs)))])
     bounds = np.arange(n_gauges)[:, None] * len(blocks) + stops
-    block = np.tile(np.arange(len(blocks)), n_gauges)
+    block = np.tile(np.arange(len(blocks), dtype=np.int32), n_gauges)
     level = _Level(COARSEST, most_turn, np.pi / n_gauges, most_turn)
-    return level, _Cells(gauges, bounds, block, np.zeros(len(block), np.int64))
+    return level, _Cells(gauges, bounds, block, np.zeros(len(block), np.int32))
 
 
 def _most_turn(stage: StageCosts, cost: float) -> float:

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.stages import Stage
 from mhvedit.optimise.steps import cheapest_step, exactly
 
-SAMPLE = 300  # solutions a stage when looking for a first chain
-NEAR = float(np.radians(8))  # yaw against the gauge of solutions that a first chain may use
+SAMPLE = 200  # solutions a stage when looking for a first chain
+GAUGES = 45  # tried for it
+NEAR = 0.0, float(np.radians(8))  # yaw against the gauge of solutions that it may use, where there are any
 MOST_POLISHES = 20
 MOST_STEPS = 200  # of Newton's method
 LEAST_DAMPING = 1e-6  # m^2, of its steps
@@ -36,7 +37,7 @@ class StageCosts:
     keys: IntArray  # (S, 3) on the pose lattice
     shifts: ComplexArray  # (S,) m, B's origin in A's frame
     yaws: FloatArray  # (S,) rad
-    by_yaw: IntArray  # (S,) rows, those of one yaw together, each yaw's ascending
+    by_yaw: Int32Array  # (S,) rows, those of one yaw together, each yaw's ascending
     yaw_starts: IntArray  # (K + 1,) where each yaw starts in `by_yaw`
     roots_a: ComplexArray  # (2,) m, first and last
     roots_b: ComplexArray  # (2,) m
@@ -58,7 +59,7 @@ def stage_costs(stages: Sequence[Stage], *, facing_weight: float) -> tuple[Stage
         inner = [2 * float((np.diff(roots, axis=0) ** 2).sum()) for roots in (s.roots_a, s.roots_b)]
         facing = 2 * facing_weight * len(s.names)
         yaws = s.poses[:, 2]
-        by_yaw = np.argsort(s.keys[:, 2].astype(np.int16), kind="stable")
+        by_yaw = np.argsort(s.keys[:, 2].astype(np.int16), kind="stable").astype(np.int32)
         turned = s.keys[by_yaw, 2]
         yaw_of_key = np.zeros(turned[-1] + 1)
         yaw_of_key[s.keys[:, 2]] = yaws
@@ -216,15 +217,19 @@ def cheapest_chain(
 
 def first_chain(stages: Sequence[StageCosts]) -> Chain:
     """A good chain to start from: gauges all around, and at each a sample of the solutions that fit it best."""
-    best: tuple[float, IntArray, float] | None = None
-    for gauge in np.arange(0, 2 * np.pi, NEAR).tolist():
-        rows = [_sample(stage, gauge) for stage in stages]
+    return min((_sampled_chain(stages, near) for near in NEAR), key=lambda chain: chain.cost)
+
+
+def _sampled_chain(stages: Sequence[StageCosts], near: float) -> Chain:
+    yaws = yaws_of(stages[0])
+    found = []
+    for gauge in yaws[:: -(-len(yaws) // GAUGES)].tolist():
+        rows = [_sample(stage, gauge, near) for stage in stages]
         turns = [cheapest_turn(s, s.yaws[r] - gauge) for s, r in zip(stages, rows, strict=True)]
         states, cost = _best_of(stages, rows, turns, gauge, np.inf)
-        if best is None or cost < best[0]:
-            best = cost, np.array([r[i] for r, i in zip(rows, states, strict=True)]), gauge
-    assert best is not None
-    return polished(stages, best[1], best[2])
+        found.append((cost, gauge, [int(r[i]) for r, i in zip(rows, states, strict=True)]))
+    _, gauge, chosen = min(found)
+    return polished(stages, np.array(chosen), gauge)
 
 
 def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
@@ -287,11 +292,11 @@ def _affordable(stage: StageCosts, turn: float, best: Chain) -> IntArray:
     return rows_of_yaws(stage, every <= best.cost * (1 + 1e-9))
 
 
-def _sample(stage: StageCosts, gauge: float) -> IntArray:
+def _sample(stage: StageCosts, gauge: float, near: float) -> IntArray:
     """Some of the solutions whose yaw is near the gauge, or nearest to it."""
     away = np.abs(wrap_angle(yaws_of(stage) - gauge))
-    near = rows_of_yaws(stage, away <= max(NEAR, float(away.min())))
-    return near[:: max(1, len(near) // SAMPLE)]
+    rows = rows_of_yaws(stage, away <= max(near, float(away.min())))
+    return rows[:: -(-len(rows) // SAMPLE)]
 
 
 def yaws_of(stage: StageCosts) -> FloatArray:
@@ -307,4 +312,4 @@ def rows_of_yaws(stage: StageCosts, wanted: BoolArray) -> IntArray:
         wanted: (K,) which yaws.
     """
     runs = [stage.by_yaw[stage.yaw_starts[k] : stage.yaw_starts[k + 1]] for k in np.flatnonzero(wanted)]
-    return np.concatenate([np.zeros(0, np.int64), *runs])
+    return np.concatenate([np.zeros(0, np.int32), *runs]).astype(np.int64)

@@ -14,12 +14,12 @@ from mhvedit.avoidance.continuous import go_round
 from mhvedit.avoidance.correct import Body
 from mhvedit.avoidance.effort import effort_weights
 from mhvedit.avoidance.equipment import attach
-from mhvedit.avoidance.ground import ground_joints, keep_everywhere, keep_standing
+from mhvedit.avoidance.ground import HANDS, ground_joints, keep_everywhere, keep_standing
 from mhvedit.avoidance.guards import mesh_guard
 from mhvedit.avoidance.loop import avoid_by_filter
 from mhvedit.avoidance.methods import Avoided, Problem, avoid_by_bisection, avoid_like_nebel, touched_frames
 from mhvedit.avoidance.metrics import Metrics, measure
-from mhvedit.avoidance.tasks import frozen_dofs
+from mhvedit.avoidance.tasks import Task, frozen_dofs
 from mhvedit.collision.detect import CollisionBody, Depths, measure_depths
 from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.files import replacing
@@ -27,7 +27,7 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.pipeline.job import Progress
 from mhvedit.pipeline.motions import open_motion
 from mhvedit.sequences.formats import parse_mesh
-from mhvedit.skeleton.model import Motion
+from mhvedit.skeleton.model import Motion, Skeleton
 from mhvedit.skeleton.skin import SkinnedBody, posed_vertices
 from mhvedit.view.postures import PostureStory, write_posture_report
 
@@ -133,10 +133,22 @@ def avoidance_problem(
         workers: threads of the detection.
     """
     skeleton, guard = body.skeleton, mesh_guard(body, nearest=nearest, workers=workers)
-    feet = ground_joints(skeleton)
-    tasks = (keep_standing(skeleton, motion, feet), keep_everywhere(skeleton, motion, feet)) if len(feet) else ()
+    tasks = ground_tasks(skeleton, motion)
     moved = Body(skeleton, effort_weights(skeleton), frozen_dofs(skeleton, frozen), guard)
     return Problem(moved, motion, tasks), guard.body
+
+
+def ground_tasks(skeleton: Skeleton, motion: Motion) -> tuple[Task, ...]:
+    """Feet that stand stay; if it can be had, feet stay wherever they go, and hands that bear weight stay too."""
+    feet, hands = ground_joints(skeleton), ground_joints(skeleton, HANDS)
+    if len(feet) == 0:
+        return ()
+    stand = keep_standing(skeleton, motion, feet)
+    tasks: tuple[Task, ...] = (stand, keep_everywhere(skeleton, motion, feet))
+    if len(hands):
+        floor = float(stand.targets[..., 2].min())
+        tasks += (keep_standing(skeleton, motion, hands, floor=floor, required=False),)
+    return tasks
 
 
 def reasons(body: CollisionBody, avoided: Avoided) -> tuple[str, ...]:

@@ -97,8 +97,8 @@ def test_no_weight_on_facing_is_no_error() -> None:
 def cells_of(costs: tuple[StageCosts, ...], blocks: Blocks, gauges: list[float]) -> _Cells:
     starts = np.concatenate([[0], np.cumsum(np.bincount(blocks.stage, minlength=len(costs)))])
     bounds = np.arange(len(gauges))[:, None] * len(blocks) + starts
-    block = np.tile(np.arange(len(blocks)), len(gauges))
-    return _Cells(np.array(gauges), bounds, block, np.zeros(len(block), np.int64))
+    block = np.tile(np.arange(len(blocks), dtype=np.int32), len(gauges))
+    return _Cells(np.array(gauges), bounds, block, np.zeros(len(block), np.int32))
 
 
 def cell_of(
@@ -164,7 +164,7 @@ def test_the_flat_bound_is_good_where_cells_are_small() -> None:
         for half in (1e-3, 1e-4):
             level = _Level(5, half, half, np.pi)
             cells = cells_of(costs, blocks, [best.gauge + 0.3 * half])
-            slots = ((best.turns + np.pi) // (2 * half)).astype(np.int64)
+            slots = ((best.turns + np.pi) // (2 * half)).astype(np.int32)
             cells = _Cells(cells.gauges, cells.bounds, cells.block, slots)
             for view in (_View(half, half), _View(0.0, 0.0)):
                 lost.append(best.cost - _bounded(task, blocks, cells, level, view, best.cost + 1)[1][0])
