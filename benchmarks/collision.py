@@ -1,6 +1,6 @@
 """Self-collision in one run beside pinocchio with coal, and python-fcl: milliseconds a frame, and whole motions.
 
-    python benchmarks/collision.py [MOTIONS]
+    python benchmarks/collision.py [MOTIONS] [--sampled] [--write]
 
 MOTIONS is a folder of skinned `.npz` files. All libraries get the same work, one thread: from the joint angles of a
 frame to a yes or no for each of the 231 pairs of limbs that are not adjacent, limbs rigid (A3.6), on the mesh as it is
@@ -8,6 +8,8 @@ and on one cut finer, to about the 26,700 triangles of the yardstick. Then what 
 limbs, and depths. With --sampled the safe mode of reachability is held against random postures.
 """
 
+import contextlib
+import io
 import sys
 import time
 from collections.abc import Callable
@@ -27,11 +29,30 @@ from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.skin import SkinnedBody, SkinnedMotion, read_skinned
 
 FRAMES = 150
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "collision_results.md"
+HEAD = """# Detection of self-collision, measured
+
+Made by `python benchmarks/collision.py --sampled --write`: all libraries in one run, in turn for each posture, one
+thread, the same 231 pairs of rigid limbs that are not adjacent; *answers differ* counts pairs of postures, away from
+borders that limbs share, in which a library says otherwise than mhvedit. Depths are of skinned limbs. Times are those
+of one machine.
+
+"""
 Detector = Callable[[FloatArray], BoolArray]  # (D,) to (P,)
 
 
 def main() -> None:
-    """Print the tables."""
+    """Print the tables; with --write, to docs/collision_results.md too."""
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text):
+        print_tables()
+    print(text.getvalue())
+    if "--write" in sys.argv:
+        PAGE.write_text(f"{HEAD}```text\n{text.getvalue().strip()}\n```\n", encoding="utf-8")
+
+
+def print_tables() -> None:
+    """Detection beside the libraries, whole motions, and reachability if it is asked for."""
     folder = Path(next((a for a in sys.argv[1:] if not a.startswith("-")), _default_folder()))
     motions = {path.stem: read_skinned(path) for path in sorted(folder.glob("*.npz"))}
     first = motions["walk_throw_normal"]

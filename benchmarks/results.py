@@ -22,6 +22,11 @@ from mhvedit.pipeline.run import run_scene
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
 PAGE = ROOT / "docs" / "results.md"
+SELF_COLLISION = (
+    "What `mhvedit avoid` makes of captured motions, by both methods and by the baseline, the thesis's scenes, and its",
+    "kernels beside other libraries: see [avoidance results](avoidance_results.md). Detection beside other libraries:",
+    "see [collision results](collision_results.md).",
+)
 NEAR_MM, NEAR_DEG = 20.0, 3.0  # a truth this near to a solution counts as found
 SEGMENT_HEADER = [
     "segment",
@@ -81,6 +86,7 @@ def main() -> None:
     if chosen:
         print("\n".join(page))
         return
+    page += ["", "## Self-collision", *SELF_COLLISION]
     page += ["", "## Facing and gaze", "See [facing](facing.md) for what is measured.", "", facing_tables()]
     PAGE.write_text("\n".join(page).rstrip() + "\n", encoding="utf-8")
 

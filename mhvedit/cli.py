@@ -6,6 +6,7 @@ import sys
 import typer
 
 from mhvedit.commands.avoid import avoid
+from mhvedit.commands.batch import batch
 from mhvedit.commands.cache import cache
 from mhvedit.commands.check import check
 from mhvedit.commands.export import export
@@ -25,6 +26,7 @@ COMMANDS = (
     view,
     export,
     avoid,
+    batch,
     version,
 )
 

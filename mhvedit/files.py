@@ -45,13 +45,14 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """
     with replacing(path) as beside, zipfile.ZipFile(beside, "w") as container:
         for name, array in arrays.items():
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.asanyarray(array), allow_pickle=False)
-            small = array.itemsize > 1 or array.size < WORTHWHILE
-            how = zipfile.ZIP_STORED if small else zipfile.ZIP_DEFLATED
             member = zipfile.ZipInfo(f"{name}.npy")
             member.extra = _padding(container.start_dir + LOCAL_HEADER + len(member.filename.encode()))
-            container.writestr(member, content.getbuffer(), how, LEVEL)
+            if array.itemsize > 1 or array.size < WORTHWHILE:
+                _store(container, member, np.asarray(array, order="C"))
+            else:
+                content = io.BytesIO()
+                np.lib.format.write_array(content, array, allow_pickle=False)
+                container.writestr(member, content.getbuffer(), zipfile.ZIP_DEFLATED, LEVEL)
 
 
 def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
@@ -75,6 +76,16 @@ def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
             else:
                 arrays[name] = _mapped(file, member.header_offset)
     return arrays
+
+
+def _store(container: zipfile.ZipFile, member: zipfile.ZipInfo, array: NDArray[Any]) -> None:
+    """Write an array as it is, without a copy of it in memory."""
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(array))
+    member.file_size = header.tell() + array.nbytes  # decides whether the sizes take 64 bits
+    with container.open(member, "w") as file:
+        file.write(header.getbuffer())
+        file.write(array.reshape(-1).view(np.uint8).data)
 
 
 def _padding(start: int) -> bytes:

@@ -20,9 +20,11 @@ MAY_IMPORT = {
     "skeleton": {"sequences"},
     "collision": {"sequences", "skeleton"},
     "avoidance": {"sequences", "skeleton", "collision"},
+    "fitting": {"sequences", "skeleton", "collision", "avoidance"},
+    "world": {"sequences", "volumes", "skeleton", "collision", "avoidance"},
     "view": {"sequences", "volumes", "constraints", "search", "optimise", "scene"},
     "export": {"sequences", "scene"},
-    "project": {"sequences", "volumes", "constraints", "skeleton"},
+    "project": {"sequences", "volumes", "constraints", "skeleton", "fitting"},
     "pipeline": {
         "sequences",
         "volumes",
@@ -36,6 +38,8 @@ MAY_IMPORT = {
         "skeleton",
         "collision",
         "avoidance",
+        "fitting",
+        "world",
     },
     "viewer": {
         "sequences",
@@ -48,6 +52,7 @@ MAY_IMPORT = {
         "project",
         "pipeline",
     },
+    "batch": {"sequences", "search", "optimise", "scene", "project", "pipeline"},
 }
 MAY_IMPORT["commands"] = set(MAY_IMPORT)  # and nothing imports it but the command line
 

@@ -13,19 +13,27 @@ LEVER = 0.1  # m: a direction that is off by an angle counts as a point this far
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PointTarget:
-    """A point on a limb is at a place in the world, or not far from it."""
+class PointTargets:
+    """Points on limbs are at places in the world, or not far from them."""
 
-    joint: int
-    point: FloatArray  # (3,) m, in the joint's frame
-    target: FloatArray  # (3,) m
-    slack: float = 0.0  # m along each axis
+    joints: IntArray  # (K,) that carry the points
+    points: FloatArray  # (K, 3) m, in the joints' frames
+    targets: FloatArray  # (K, 3) m
+    slack: FloatArray  # (K,) m along each axis
+
+    def __post_init__(self) -> None:
+        shape = (len(self.joints), 3)
+        if self.points.shape != shape or self.targets.shape != shape or self.slack.shape != self.joints.shape:
+            raise ShapeError("targets", self.targets.shape, shape)
 
     def rows(self, placed: Placed) -> Rows:
-        """One row an axis."""
-        at = world_point(placed, self.joint, self.point)
-        off = self.target - at
-        return Rows(point_rows(placed, self.joint, at), off - self.slack, off + self.slack)
+        """One row for each point and axis."""
+        n, turned = len(self.joints), np.einsum("kij,kj->ki", placed.rotations[self.joints], self.points)
+        at = turned + placed.positions[self.joints]
+        off, slack = (self.targets - at).ravel(), np.repeat(self.slack, 3)
+        axes, joints = np.tile(np.eye(3), (n, 1)), np.repeat(self.joints, 3)
+        jacobian = _rows(placed, np.arange(3 * n), joints, np.repeat(at, 3, axis=0), np.ones(3 * n), axes)
+        return Rows(jacobian, off - slack, off + slack)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

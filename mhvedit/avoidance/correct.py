@@ -31,11 +31,18 @@ class Found:
 class Guard(Protocol):
     """Says whether postures are free of collision; the truth that avoidance is measured by."""
 
+    @property
+    def allowed(self) -> float:
+        """How much deeper than at rest a pair may be, m."""
+
     def excess(self, q: FloatArray) -> FloatArray:
         """(N,) m, how much deeper than allowed the worst pair of each posture (N, D) is; at most 0 where free."""
 
     def look(self, q: FloatArray) -> Found:
         """What is deeper than aimed for in one posture (D,)."""
+
+    def look_all(self, q: FloatArray) -> list[Found]:
+        """What is deeper than aimed for in each posture (N, D)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,14 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mhvedit.avoidance.kalman import Effectors
 from mhvedit.avoidance.tasks import Keep
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.skeleton.forward import points_on_joints
 from mhvedit.skeleton.model import Motion, Skeleton
 from mhvedit.skeleton.roles import joint_roles
+from mhvedit.skeleton.skin import SkinnedBody
 
 FEET = ("left_foot", "left_toe", "right_foot", "right_toe")
 HANDS = ("left_hand", "right_hand")
+DIAGONALS = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])  # towards the corners of a sole
 DETOUR = 0.3  # m/s: how fast a point may leave the path it was captured on, and come back to it
 
 
@@ -21,7 +24,7 @@ class StandingSettings:
 
     speed: float = 0.15  # m/s: slower is still
     height: float = 0.20  # m above the lowest that the point ever is
-    least: int = 3  # frames that it has to last
+    least: int = 2  # frames that it has to last
 
 
 def standing(
@@ -41,8 +44,7 @@ def standing(
     chosen = settings or StandingSettings()
     if len(paths) < 2:
         return np.ones(paths.shape[:2], np.bool_)
-    speed = np.linalg.norm(np.diff(paths, axis=0), axis=2) * fps
-    slow = speed < chosen.speed
+    slow = np.linalg.norm(np.diff(paths, axis=0), axis=2) * fps < chosen.speed
     # a frame is still if the step to either neighbour is
     still = np.zeros(paths.shape[:2], np.bool_)
     still[:-1] |= slow
@@ -58,31 +60,54 @@ def ground_joints(skeleton: Skeleton, roles: tuple[str, ...] = FEET) -> IntArray
     return np.flatnonzero(chosen | (ends & chosen[skeleton.parents]))
 
 
+def at_joints(joints: IntArray) -> Effectors:
+    """The joints themselves as points."""
+    return Effectors(joints, np.zeros((len(joints), 3)))
+
+
+def soles(body: SkinnedBody, joints: IntArray) -> Effectors:
+    """Corners of the skin below joints: where these alone are kept, feet may still turn about them.
+
+    Args:
+        body: skinned.
+        joints: (E,) of feet and toes.
+    """
+    owner, rest = body.weights.argmax(1), body.skeleton.rest_positions
+    chosen, points = [joints[:0]], [np.zeros((0, 3))]
+    for joint in joints:
+        away = body.vertices[owner == joint] - rest[joint]
+        below = away[away[:, 2] <= np.median(away[:, 2])] if len(away) else away
+        if len(below):
+            corners = np.unique((below[:, :2] @ DIAGONALS).argmax(0))
+            chosen.append(np.full(len(corners), joint))
+            points.append(below[corners])
+    return Effectors(np.concatenate(chosen), np.concatenate(points))
+
+
 def keep_standing(
-    skeleton: Skeleton, motion: Motion, joints: IntArray, *, floor: float | None = None, required: bool = True
+    skeleton: Skeleton, motion: Motion, points: Effectors, *, floor: float | None = None, required: bool = True
 ) -> Keep:
-    """The task that keeps joints where they were captured while they stand.
+    """The task that keeps points of limbs where they were captured while they stand.
 
     Between two stands they may leave their path by as much as they can come back for in time.
 
     Args:
         skeleton: the tree.
         motion: captured.
-        joints: (E,).
-        floor: m, height of the ground; by default each joint's own lowest.
+        points: what stands.
+        floor: m, height of the ground; by default each point's own lowest.
         required: or may be given up where nothing fits.
     """
-    points = np.zeros((len(joints), 3))
-    paths = points_on_joints(skeleton, motion.q, joints, points)
+    paths = points_on_joints(skeleton, motion.q, points.joints, points.points)
     still = standing(paths, fps=motion.fps, floor=floor)
-    return Keep(joints, points, paths, frames_to(still) * DETOUR / motion.fps, required)
+    return Keep(points.joints, points.points, paths, frames_to(still) * DETOUR / motion.fps, still, required)
 
 
-def keep_everywhere(skeleton: Skeleton, motion: Motion, joints: IntArray) -> Keep:
-    """The task that keeps joints where they were captured in all frames; it may be given up."""
-    points = np.zeros((len(joints), 3))
-    paths = points_on_joints(skeleton, motion.q, joints, points)
-    return Keep(joints, points, paths, np.zeros(paths.shape[:2]), required=False)
+def keep_everywhere(skeleton: Skeleton, motion: Motion, points: Effectors) -> Keep:
+    """The task that keeps points of limbs where they were captured in all frames; it may be given up."""
+    paths = points_on_joints(skeleton, motion.q, points.joints, points.points)
+    still = np.zeros(paths.shape[:2], np.bool_)
+    return Keep(points.joints, points.points, paths, np.zeros(paths.shape[:2]), still, required=False)
 
 
 def frames_to(mask: BoolArray) -> FloatArray:

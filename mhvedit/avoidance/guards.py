@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
-from mhvedit.avoidance.caps import with_middle_caps
 from mhvedit.avoidance.constraints import ContactGaps, SkinPoints
 from mhvedit.avoidance.correct import Found
-from mhvedit.collision.detect import CollisionBody, collision_body, measure_depths
+from mhvedit.collision.detect import CollisionBody, Depths, collision_body, measure_depths
 from mhvedit.collision.pairs import LimbPairs
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.skeleton.forward import joint_frames
@@ -37,20 +36,28 @@ class MeshGuard:
 
     def look(self, q: FloatArray) -> Found:
         """The deepest vertex of each pair that is deeper than aimed for."""
-        body, depths = self.body, measure_depths(self.body, q[None], workers=1)
-        over = depths.depth[0] - body.rest_depth
+        return self._found(measure_depths(self.body, q[None], workers=1), 0, q)
+
+    def look_all(self, q: FloatArray) -> list[Found]:
+        """The same for each of many postures (N, D)."""
+        depths = measure_depths(self.body, q, workers=self.workers)
+        return [self._found(depths, frame, posture) for frame, posture in enumerate(q)]
+
+    def _found(self, depths: Depths, frame: int, q: FloatArray) -> Found:
+        """What was measured in one posture (D,), as contacts."""
+        body, over = self.body, depths.depth[frame] - self.body.rest_depth
         excess = float(over.max(initial=-np.inf)) - self.allowed
-        pairs = np.flatnonzero((over > self.aim) & (depths.vertex[0] >= 0))
+        pairs = np.flatnonzero((over > self.aim) & (depths.vertex[frame] >= 0))
         if len(pairs) == 0:
             return Found(excess, None)
-        first = depths.first_inside[0, pairs]
-        normal = np.where(first[:, None], 1.0, -1.0) * depths.normal[0, pairs]
-        surface = depths.point[0, pairs] + depths.depth[0, pairs, None] * normal
+        first = depths.first_inside[frame, pairs]
+        normal = np.where(first[:, None], 1.0, -1.0) * depths.normal[frame, pairs]
+        surface = depths.point[frame, pairs] + depths.depth[frame, pairs, None] * normal
         outer = np.where(first, body.pairs.limbs[pairs, 1], body.pairs.limbs[pairs, 0])
         rotations, positions = joint_frames(body.body.skeleton, q)
         turning = body.limbs.arrays.joints[outer]
         contacts = ContactGaps(
-            skin_points(body.body, depths.vertex[0, pairs].astype(np.int64)),
+            skin_points(body.body, depths.vertex[frame, pairs].astype(np.int64)),
             _carried(body, outer, surface, rotations, positions),
             turning,
             np.einsum("kji,kj->ki", rotations[turning], normal),
@@ -71,7 +78,7 @@ def mesh_guard(body: SkinnedBody, *, nearest: int = 2, workers: int | None = Non
     if nearest > 2:
         far = _limb_distances(ready)[ready.pairs.limbs[:, 0], ready.pairs.limbs[:, 1]] >= nearest
         ready = collision_body(body, pairs=LimbPairs(ready.pairs.limbs[far]))
-    return MeshGuard(with_middle_caps(ready), workers=workers)
+    return MeshGuard(ready, workers=workers)
 
 
 def _limb_distances(body: CollisionBody) -> FloatArray:

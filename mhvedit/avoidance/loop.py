@@ -29,8 +29,8 @@ class LoopSettings:
     blend: int = 8  # frames before and after a collision in which the displacement comes and goes
     moved: float = 0.001  # m: effectors that go less far for a key frame are not constrained by it
     likeness: float = 0.6  # rad or m: poses stay this near to the captured ones
-    rounds: int = 30
-    patience: int = 6  # rounds without getting any nearer, after which it is given up
+    rounds: int = 6
+    patience: int = 3  # rounds without getting any nearer, after which it is given up
     filter: FilterSettings = field(default_factory=FilterSettings)
 
 
@@ -131,7 +131,7 @@ def _resolve(problem: Problem, edits: list[Edit], settings: LoopSettings) -> Flo
     edited = np.isfinite(targets[..., 0]).any(1)
     for task in problem.tasks:
         if isinstance(task, Keep) and task.required:
-            held = (task.slack == 0) & edited[:, None]
+            held = task.stands & edited[:, None]
             targets = np.concatenate([targets, np.where(held[..., None], task.targets, np.nan)], 1)
             joints, points = np.concatenate([joints, task.joints]), np.concatenate([points, task.points])
     body = problem.body

@@ -6,15 +6,17 @@ whole interface: your own task is a class with these two members.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
-from mhvedit.avoidance.constraints import BodyPointTarget, DirectionTarget, PointTarget
+from mhvedit.avoidance.constraints import BodyPointTarget, DirectionTarget, PointTargets
 from mhvedit.avoidance.posture import Constraint
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.model import Motion, Skeleton, dofs_of, joint_index
+
+LEAST_SLACK: Final = 1.5e-3  # m along each axis: less than what anybody sees, and room for the other constraints
 
 
 class Task(Protocol):
@@ -36,16 +38,17 @@ class Keep:
     points: FloatArray  # (E, 3) m, in the joints' frames
     targets: FloatArray  # (T, E, 3) m, captured
     slack: FloatArray  # (T, E) m along each axis; inf where the point is free
+    stands: BoolArray  # (T, E) whether it was captured standing still
     required: bool = True
 
     def constraints(self, frame: int, q: FloatArray) -> Sequence[Constraint]:
-        """A target for each point that is not free."""
+        """Targets for the points that are not free."""
         del q
-        slack = self.slack[frame]
-        return [
-            PointTarget(int(self.joints[e]), self.points[e], self.targets[frame, e], float(slack[e]))
-            for e in np.flatnonzero(np.isfinite(slack))
-        ]
+        held = np.flatnonzero(np.isfinite(self.slack[frame]))
+        if len(held) == 0:
+            return []
+        slack = np.maximum(self.slack[frame, held], LEAST_SLACK)
+        return [PointTargets(self.joints[held], self.points[held], self.targets[frame, held], slack)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mhvedit.collision.boxes import BoxTree, box_tree, refit_into
 from mhvedit.errors import ShapeError
@@ -185,12 +184,32 @@ def cap_faces(faces: IntArray, first: int) -> tuple[list[IntArray], IntArray]:
     difference = (balance - balance.T).tocoo()
     ends = np.stack([difference.row, difference.col], 1).astype(np.int64)
     ahead = np.repeat(ends, np.maximum(difference.data, 0), axis=0)  # there one way more often than back
-    _, parts = connected_components(
-        coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), (n, n)), directed=False
-    )
-    numbers, ring = np.unique(parts[ahead[:, 0]], return_inverse=True)
-    corners = [ahead[ring == k, 0] for k in range(len(numbers))]
-    return corners, np.stack([ahead[:, 1], ahead[:, 0], first + ring], 1)
+    rings = _rings(ahead)
+    fans = [np.stack([np.roll(ring, -1), ring, np.full(len(ring), first + k)], 1) for k, ring in enumerate(rings)]
+    return rings, np.concatenate([np.zeros((0, 3), np.int64), *fans])
+
+
+def _rings(edges: IntArray) -> list[IntArray]:
+    """Directed edges (E, 2), as many into each corner as out of it, as rings that pass no corner twice.
+
+    Holes that touch in one corner are two rings: the middle of both together can lie on the wrong side of the skin.
+    """
+    ahead: dict[int, list[int]] = {}
+    for a, b in edges.tolist():
+        ahead.setdefault(a, []).append(b)
+    rings, path = list[IntArray](), list[int]()
+    while ahead:
+        path = path or [next(iter(ahead))]
+        after = ahead[path[-1]].pop()
+        if not ahead[path[-1]]:
+            del ahead[path[-1]]
+        if after in path:
+            start = path.index(after)
+            rings.append(np.array(path[start:], np.int64))
+            path = path[:start]
+        if after in ahead:
+            path.append(after)
+    return rings
 
 
 def _outwards(body: SkinnedBody) -> Int32Array:

@@ -48,16 +48,18 @@ def avoid(
         print(json.dumps(dict(outcome.report), indent=1))
     else:
         _print_outcome(outcome, out)
-    raise typer.Exit(DONE if outcome.avoided.converged else NO)
+    raise typer.Exit(DONE if outcome.found.avoided.converged else NO)
 
 
 def _print_outcome(outcome: "AvoidOutcome", out: Path) -> None:
-    m = outcome.metrics
+    m = outcome.found.metrics
     print(
         f"{m.frames} frames, colliding {m.colliding_before} before and {m.colliding_after} after; "
         f"{m.touched} touched, jerk x {m.jerk_ratio:.2f}, feet that stood still moved {m.slip_mm:.1f} mm"
     )
-    for sentence in outcome.why:
+    for sentence in outcome.found.why:
         print(f"did not converge: {sentence}")
+    for sentence in outcome.found.notes:
+        print(f"note: {sentence}")
     page = out / "report.html"
     print(f"open {page}" if page.exists() else f"written to {out}")

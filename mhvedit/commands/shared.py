@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from mhvedit.pipeline.job import Progress
+    from mhvedit.pipeline.progress import Progress
 
 DONE, NO, BAD_INPUT = 0, 1, 2
 INTERRUPTED = 130

@@ -26,9 +26,14 @@ def solve(
     report: Annotated[bool, typer.Option(help="Draw the HTML report.")] = True,
     answer_only: Annotated[bool, typer.Option("--answer-only", help="Stop before the check on the meshes.")] = False,
     cache: Annotated[float | None, typer.Option(min=0, help="GB that the cache may take; 8 if not given.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, to search there.")] = None,
     json_: Json = False,
 ) -> None:
     """Find every placement, choose the best chain, write the edit; then check it on the meshes and draw the report."""
+    if scheduler is not None:
+        from mhvedit.batch.run import solve_segments
+
+        solve_segments(scene, out, scheduler=scheduler)
     _run(scene, out, workers, json_, check=not answer_only, report=report, cache=cache)
 
 

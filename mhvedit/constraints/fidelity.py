@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from mhvedit.constraints.clauses import Clause, Meeting, Option
 from mhvedit.constraints.dictionary import InteractionType
-from mhvedit.volumes.history import MotionHistoryVolume
+from mhvedit.volumes.history import MotionHistoryVolume, eroded
 from mhvedit.volumes.subject import (
     SubjectVolumes,
     all_of,
@@ -24,6 +24,20 @@ from mhvedit.volumes.subject import (
 TOO_DEEP = "contact sinks in too deep"
 BODIES_MEET = "bodies meet"
 HALF_VOXEL = 0.5
+
+
+class Depth:
+    """What lies deeper in a solid than a radius (voxels, centre to empty centre); each solid is eroded once."""
+
+    def __init__(self, radius: float) -> None:
+        self.radius = radius
+        self._eroded: dict[MotionHistoryVolume, MotionHistoryVolume] = {}  # by identity
+
+    def __call__(self, solid: MotionHistoryVolume) -> MotionHistoryVolume:
+        """The deep part of a solid."""
+        if solid not in self._eroded:
+            self._eroded[solid] = eroded(solid, self.radius)
+        return self._eroded[solid]
 
 
 def fidelity_clauses(
@@ -52,16 +66,17 @@ def fidelity_clauses(
     clauses = []
     free = overlap / pitch + HALF_VOXEL if overlap > 0 else 0.0
     if interaction.touches:
-        sunk = max(depth / pitch, HALF_VOXEL) + HALF_VOXEL
+        sunk = Depth(max(depth / pitch, HALF_VOXEL) + HALF_VOXEL)
         clauses.append(_never(TOO_DEEP, _sinking(a, b, parts, sunk)))
+    deep = Depth(free)
     if apart is not None:
-        meetings = tuple(m for pair in apart for m in _sinking(a, b, pair, free))
+        meetings = tuple(m for pair in apart for m in _sinking(a, b, pair, deep))
         clauses.append(_never(BODIES_MEET, meetings))
     elif interaction.touches:
-        clauses.append(_never(BODIES_MEET, _rests_meet(a, b, parts, free)))
+        clauses.append(_never(BODIES_MEET, _rests_meet(a, b, parts, deep)))
     else:
-        deep = (all_of(a), deep_all_of(b, free)), (deep_all_of(a, free), all_of(b))
-        clauses.append(_never(BODIES_MEET, _distinct(deep, free)))
+        pairs = (all_of(a), deep_all_of(b, deep)), (deep_all_of(a, deep), all_of(b))
+        clauses.append(_never(BODIES_MEET, _distinct(pairs, deep)))
     return tuple(clause for clause in clauses if clause.options[0].never)
 
 
@@ -69,29 +84,29 @@ def _never(reason: str, meetings: tuple[Meeting, ...]) -> Clause:
     return Clause(reason, (Option(never=meetings),))
 
 
-def _sinking(a: SubjectVolumes, b: SubjectVolumes, parts: tuple[str, str], radius: float) -> tuple[Meeting, ...]:
+def _sinking(a: SubjectVolumes, b: SubjectVolumes, parts: tuple[str, str], deep: Depth) -> tuple[Meeting, ...]:
     """One part's voxels with what lies deep in the other's, both ways."""
     pair = (
-        (part_of(a, parts[0]), deep_part_of(b, parts[1], radius)),
-        (deep_part_of(a, parts[0], radius), part_of(b, parts[1])),
+        (part_of(a, parts[0]), deep_part_of(b, parts[1], deep)),
+        (deep_part_of(a, parts[0], deep), part_of(b, parts[1])),
     )
-    return _distinct(pair, radius)
+    return _distinct(pair, deep)
 
 
-def _rests_meet(a: SubjectVolumes, b: SubjectVolumes, parts: tuple[str, str], radius: float) -> tuple[Meeting, ...]:
+def _rests_meet(a: SubjectVolumes, b: SubjectVolumes, parts: tuple[str, str], deep: Depth) -> tuple[Meeting, ...]:
     """Rest with all of the other, and interest part with the other's rest."""
     sides = (
-        (rest_of(a, parts[0]), deep_all_of(b, radius)),
-        (deep_rest_of(a, parts[0], radius), all_of(b)),
+        (rest_of(a, parts[0]), deep_all_of(b, deep)),
+        (deep_rest_of(a, parts[0], deep), all_of(b)),
     )
     ends = (
-        (part_of(a, parts[0]), deep_rest_of(b, parts[1], radius)),
-        (deep_part_of(a, parts[0], radius), rest_of(b, parts[1])),
+        (part_of(a, parts[0]), deep_rest_of(b, parts[1], deep)),
+        (deep_part_of(a, parts[0], deep), rest_of(b, parts[1])),
     )
-    return _distinct(sides, radius) + _distinct(ends, radius)
+    return _distinct(sides, deep) + _distinct(ends, deep)
 
 
-def _distinct(pairs: tuple[tuple[MotionHistoryVolume, MotionHistoryVolume], ...], radius: float) -> tuple[Meeting, ...]:
-    """The meetings that can happen; below a radius of one voxel nothing is eroded and both ways are the same."""
-    chosen = pairs[:1] if radius < 1 else pairs
+def _distinct(pairs: tuple[tuple[MotionHistoryVolume, MotionHistoryVolume], ...], deep: Depth) -> tuple[Meeting, ...]:
+    """The meetings that can happen; below a depth of one voxel nothing is eroded and both ways are the same."""
+    chosen = pairs[:1] if deep.radius < 1 else pairs
     return tuple(Meeting(a, b) for a, b in chosen if a.frames.any() and b.frames.any())

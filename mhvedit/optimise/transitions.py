@@ -57,12 +57,12 @@ def placement_path(fixed: FloatArray, *, centres: FloatArray, facing: FloatArray
     """
     known = np.flatnonzero(~np.isnan(fixed[:, 0]))
     pivot = smoothed(centres)
+    slow_shift = shift_weights(centres, settings)
     placements = np.array(fixed)
     placements[known, 2] = np.unwrap(fixed[known, 2])
     placements[: known[0]], placements[known[-1] + 1 :] = placements[known[0]], placements[known[-1]]
     turned = np.abs(np.diff(smoothed(np.unwrap(facing))))
     slow_turn = slowness(turned, settings.slow_turn, settings.alpha)
-    slow_shift = slowness(np.linalg.norm(np.diff(pivot, axis=0), axis=1), settings.slow_speed, settings.alpha)
     for before, after in itertools.pairwise(known.tolist()):
         if after - before > 1:
             ends = np.array([_neighbour(fixed, before, -1), before, after, _neighbour(fixed, after, 1)])
@@ -75,6 +75,17 @@ def placement_path(fixed: FloatArray, *, centres: FloatArray, facing: FloatArray
                 delta=settings.acceleration,
             )
     return placements
+
+
+def shift_weights(centres: FloatArray, settings: PathSettings) -> FloatArray:
+    """(N,) how much a change of speed counts, w of eq. 22.
+
+    Args:
+        centres: (N, 2) m, in the capture's frame.
+        settings: weights.
+    """
+    steps = np.linalg.norm(np.diff(smoothed(centres), axis=0), axis=1)
+    return slowness(steps, settings.slow_speed, settings.alpha)
 
 
 def slowness(steps: FloatArray, slow: float, alpha: float) -> FloatArray:
@@ -90,6 +101,24 @@ def slowness(steps: FloatArray, slow: float, alpha: float) -> FloatArray:
     """
     before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
     return np.asarray(expit(-alpha * (0.5 * (before + after) - slow)))
+
+
+def motion_bands(weight: FloatArray, delta: float) -> FloatArray:
+    """The quadratic form delta |acc|^2 + (1 - delta) w |vel|^2 over a row of frames.
+
+    Args:
+        weight: (M,) w of each frame but the first and the last.
+        delta: share of the acceleration.
+
+    Returns:
+        (3, M + 2), in row o the entries at (k, k + o).
+    """
+    bands = np.zeros((3, len(weight) + 2))
+    shares = np.full(len(weight), max(delta, LEAST_ACCELERATION)), (1 - delta) * weight
+    for stencil, share in zip(((1.0, -2.0, 1.0), (-0.5, 0.0, 0.5)), shares, strict=True):
+        for i, j in itertools.combinations_with_replacement(range(3), 2):
+            bands[j - i, i : i + len(weight)] += share * stencil[i] * stencil[j]
+    return bands
 
 
 def _neighbour(fixed: FloatArray, frame: int, step: int) -> int:
@@ -128,11 +157,7 @@ def _bridge(ends: FloatArray, weight: FloatArray, delta: float) -> FloatArray:
     """
     count = len(weight) - 2
     known = ends.reshape(4, -1)
-    bands = np.zeros((3, count + 4))  # bands[o, k]: normal equations at (k, k + o)
-    shares = np.full(count + 2, max(delta, LEAST_ACCELERATION)), (1 - delta) * weight
-    for stencil, share in zip(((1.0, -2.0, 1.0), (-0.5, 0.0, 0.5)), shares, strict=True):
-        for i, j in itertools.combinations_with_replacement(range(3), 2):
-            bands[j - i, i : i + count + 2] += share * stencil[i] * stencil[j]
+    bands = motion_bands(weight, delta)
     target = np.zeros((count, known.shape[1]))
     for place, value in zip((0, 1, count + 2, count + 3), known, strict=True):
         for offset in range(-2, 3):

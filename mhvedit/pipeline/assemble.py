@@ -2,19 +2,35 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import compose, invert, rotation, wrap_angle
-from mhvedit.optimise.keys import KeyPlacements, best_placements
+from mhvedit.optimise.company import CompanyPlacements, place_company
 from mhvedit.optimise.stages import KeySegment, Stage, stages_of
 from mhvedit.optimise.transitions import PathSettings, placement_path
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.segments import SolvedSegment
+from mhvedit.pipeline.terms import segment_key
 from mhvedit.project.schema import OptimiseSettings, SceneFile
 from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
-from mhvedit.sequences.align import KeyRange, Stretch, time_line
+from mhvedit.sequences.align import TimeLine, time_line
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """Frames between key segments in which people would have met, and give way to each other or to a prop."""
+
+    between: tuple[str, str]
+    first: int  # frame of the scene
+    last: int
+    before_mm: float  # how deep they would have been
+    after_mm: float  # how deep they are
+    allowed_mm: float
+    moved_mm: float  # the furthest that anybody of them is shifted
+    cost: float  # m^2, that the shifts of both add to the energy of their paths (see `optimise.bending`)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,18 +38,23 @@ class Assembly:
     """The edited scene, and how it came about."""
 
     scene: EditedScene
-    stretches: tuple[Stretch, ...]
-    placements: KeyPlacements
+    line: TimeLine
+    placements: CompanyPlacements
     chosen: tuple[int, ...]  # row of each segment's solution group
+    bends: tuple[Bend, ...] = ()  # where paths give way
+    notes: tuple[str, ...] = ()  # what could not be had, in sentences
 
 
-def lay_out(scene: SceneFile, people: Mapping[str, Person], fps: float) -> tuple[Stretch, ...]:
+def cast(scene: SceneFile) -> tuple[str, ...]:
+    """Everybody, in the order in which the segments name them; those who are in none come last."""
+    return tuple(dict.fromkeys([name for spec in scene.segments for name in spec.between] + list(scene.subjects)))
+
+
+def lay_out(scene: SceneFile, people: Mapping[str, Person], fps: float) -> TimeLine:
     """The scene's time line."""
-    a, b = scene.segments[0].between
-    keys = [KeyRange(s.frames[a], s.frames[b], s.retime) for s in scene.segments]
-    numbers = [np.array(people[name].sequence.numbers) for name in (a, b)]
-    rates = fps / people[a].sequence.fps, fps / people[b].sequence.fps
-    return time_line(keys, numbers[0], numbers[1], rates=rates)
+    keys = [segment_key(spec) for spec in scene.segments]
+    numbers = {name: np.array(people[name].sequence.numbers) for name in cast(scene)}
+    return time_line(keys, numbers, rates={name: fps / people[name].sequence.fps for name in numbers})
 
 
 def assemble(
@@ -44,7 +65,7 @@ def assemble(
     fps: float,
     rows: Sequence[IntArray] | None = None,
 ) -> Assembly:
-    """Choose the best chain and carry everyone along it.
+    """Choose the best placements and carry everyone along them.
 
     Args:
         scene: the scene file.
@@ -56,34 +77,46 @@ def assemble(
     Raises:
         NoSolution: a segment has no solution, or adjoining ones have none in common.
     """
-    stretches = lay_out(scene, people, fps)
-    left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else rows
-    left = shared_rows(solved, left) or left
-    keys = [_key_segment(segment, own) for segment, own in zip(solved, left, strict=True)]
-    stages = stages_of(keys, _adjoining(stretches, len(solved)))
-    search, optimise = scene.search, scene.optimise
-    placements = best_placements(stages, facing_weight=optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
-    names = scene.segments[0].between
-    canonical = _by_segment(stages, placements)
-    world = people[names[0]].pose  # A's capture frame is the scene's
-    subjects = {}
-    for name, side, own in zip(names, (0, 1), ("a", "b"), strict=True):
-        person = people[name]
-        fixed = [compose(compose(world, pose), invert(person.pose)) for pose in canonical[side]]
-        gauge = 0.0 if side == 0 else placements.gauge + world[2] - person.pose[2]
-        subjects[name] = _subject_edit(person, stretches, own, fixed, gauge, optimise)
-    segments, chosen = _segment_edits(solved, stretches, stages, placements, people)
+    line = lay_out(scene, people, fps)
+    left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else list(rows)
+    for own in by_pair(solved):
+        shared = shared_rows([solved[i] for i in own], [left[i] for i in own])
+        for i, some in zip(own, shared or [], strict=False):
+            left[i] = some
+    runs, stages = _stages(solved, left, line)
+    search = scene.search
+    placements = place_company(
+        stages,
+        [solved[run[0]].spec.between for run in runs],
+        facing_weight=scene.optimise.facing_weight,
+        step=search.step,
+        n_yaw=search.n_yaw,
+    )
+    subjects = {name: _subject_edit(name, scene, people, solved, line, runs, placements) for name in cast(scene)}
+    segments, chosen = _segment_edits(solved, line, runs, stages, placements, people)
     edited = EditedScene(
         name=scene.name,
         fps=fps,
-        n_frames=stretches[-1].stop,
+        n_frames=line.n_frames,
         subjects=subjects,
         segments=segments,
         cost=placements.cost,
         lower_bound=placements.lower_bound,
         gap=placements.gap,
     )
-    return Assembly(edited, stretches, placements, chosen)
+    return Assembly(edited, line, placements, chosen)
+
+
+def by_pair(solved: Sequence[SolvedSegment]) -> list[list[int]]:
+    """Indices of the segments of each pair.
+
+    Args:
+        solved: key segments, in order.
+    """
+    pairs: dict[tuple[str, str], list[int]] = {}
+    for i, segment in enumerate(solved):
+        pairs.setdefault(segment.spec.between, []).append(i)
+    return list(pairs.values())
 
 
 def shared_rows(solved: Sequence[SolvedSegment], rows: Sequence[IntArray]) -> list[IntArray] | None:
@@ -113,45 +146,58 @@ def _key_segment(segment: SolvedSegment, rows: IntArray) -> KeySegment:
     return KeySegment(segment.spec.name, group, segment.merit(rows), segment.grid.root_a, segment.grid.root_b)
 
 
-def _adjoining(stretches: Sequence[Stretch], count: int) -> list[bool]:
-    """(I - 1,) whether no frame of the scene lies between a key segment and the next."""
-    stop = {s.segment: s.stop for s in stretches if s.segment is not None}
-    start = {s.segment: s.start for s in stretches if s.segment is not None}
-    return [stop[i] == start[i + 1] for i in range(count - 1)]
-
-
-def _by_segment(stages: Sequence[Stage], placements: KeyPlacements) -> tuple[list[FloatArray], list[FloatArray]]:
-    """World placement of A's and B's canonical frames, one a segment."""
-    a = [placements.a[g] for g, stage in enumerate(stages) for _ in stage.names]
-    b = [placements.b[g] for g, stage in enumerate(stages) for _ in stage.names]
-    return a, b
+def _stages(
+    solved: Sequence[SolvedSegment], rows: Sequence[IntArray], line: TimeLine
+) -> tuple[list[tuple[int, ...]], list[Stage]]:
+    """Segments of one pair that adjoin as stages: the indices of each one's segments, and what these have in common."""
+    runs: list[tuple[int, ...]] = []
+    stages: list[Stage] = []
+    for own in by_pair(solved):
+        keys = [_key_segment(solved[i], rows[i]) for i in own]
+        adjoins = [line.spans[i].stop == line.spans[j].start for i, j in pairwise(own)]
+        breaks = [0, *(n + 1 for n, joined in enumerate(adjoins) if not joined), len(own)]
+        runs += [tuple(own[start:stop]) for start, stop in pairwise(breaks)]
+        stages += stages_of(keys, adjoins)
+    order = sorted(range(len(runs)), key=lambda g: runs[g])
+    return [runs[g] for g in order], [stages[g] for g in order]
 
 
 def _subject_edit(
-    person: Person,
-    stretches: Sequence[Stretch],
-    side: str,
-    fixed: Sequence[FloatArray],
-    gauge: float,
-    settings: OptimiseSettings,
+    name: str,
+    scene: SceneFile,
+    people: Mapping[str, Person],
+    solved: Sequence[SolvedSegment],
+    line: TimeLine,
+    runs: Sequence[tuple[int, ...]],
+    placed: CompanyPlacements,
 ) -> SubjectEdit:
     """One subject's frames and placements; its own motion is told in the gauge, in which it is to be kept."""
-    source = np.concatenate([s.pair.a if side == "a" else s.pair.b for s in stretches])
+    person, source = people[name], line.sources[name]
+    own = [g for g, run in enumerate(runs) if name in solved[run[0]].spec.between]
+    if not own:
+        return SubjectEdit(source, np.zeros((len(source), 3)))
+    first = next(group[0] for group in placed.groups if own[0] in group)
+    leader = solved[runs[first][0]].spec.between[0]
+    world = people[leader].pose  # the leader's capture frame is the group's world
     placements = np.full((len(source), 3), np.nan)
-    for stretch in stretches:
-        if stretch.segment is not None:
-            placements[stretch.start : stretch.stop] = fixed[stretch.segment]
+    for g in own:
+        side = placed.a if solved[runs[g][0]].spec.between[0] == name else placed.b
+        for i in runs[g]:
+            span = line.spans[i]
+            placements[span.start : span.stop] = compose(compose(world, side[g]), invert(person.pose))
+    gauge = placed.gauges[name] + world[2] - person.pose[2]
     turn = np.array([0.0, 0.0, gauge])
     kept_motion = compose(placements, invert(turn))
     facing = person.facing.yaw[np.searchsorted(person.facing.numbers, source)] + gauge
     centres = person.centres_at(source) @ rotation(gauge).T
-    path = placement_path(kept_motion, centres=centres, facing=facing, settings=_path_settings(settings))
+    path = placement_path(kept_motion, centres=centres, facing=facing, settings=path_settings(scene.optimise))
     path = compose(path, turn)
     path[:, 2] = wrap_angle(path[:, 2])
     return SubjectEdit(source, path)
 
 
-def _path_settings(optimise: OptimiseSettings) -> PathSettings:
+def path_settings(optimise: OptimiseSettings) -> PathSettings:
+    """The weights of paths."""
     return PathSettings(
         acceleration=optimise.acceleration,
         alpha=optimise.alpha,
@@ -162,13 +208,13 @@ def _path_settings(optimise: OptimiseSettings) -> PathSettings:
 
 def _segment_edits(
     solved: Sequence[SolvedSegment],
-    stretches: Sequence[Stretch],
+    line: TimeLine,
+    runs: Sequence[tuple[int, ...]],
     stages: Sequence[Stage],
-    placements: KeyPlacements,
+    placements: CompanyPlacements,
     people: Mapping[str, Person],
 ) -> tuple[tuple[SegmentEdit, ...], tuple[int, ...]]:
-    stage_of = [g for g, stage in enumerate(stages) for _ in stage.names]
-    where = {s.segment: s for s in stretches if s.segment is not None}
+    stage_of = {i: g for g, run in enumerate(runs) for i in run}
     edits, rows = [], []
     for index, segment in enumerate(solved):
         g = stage_of[index]
@@ -178,8 +224,8 @@ def _segment_edits(
         edits.append(
             SegmentEdit(
                 name=segment.spec.name,
-                start=where[index].start,
-                stop=where[index].stop,
+                start=line.spans[index].start,
+                stop=line.spans[index].stop,
                 interaction=segment.spec.interaction.value,
                 between=(a, b),
                 distance=float(chosen.distance[0]),

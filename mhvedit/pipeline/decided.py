@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mhvedit.geometry.arrays import BoolArray, ByteArray
+from mhvedit.geometry.runs import run_lengths
 from mhvedit.pipeline.store import Arrays, Key, Store
 from mhvedit.search.poses import PoseGrid, pose_grid
 from mhvedit.search.solve import OUTSIDE, ReasonMap
@@ -30,7 +31,9 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
     if kept is not None and kept["window"] >= grid.window:
         return ReasonMap(grid, _cut(kept, grid), tuple(kept["reasons"].tolist()))
     found = search(among) if kept is None else _grown(kept, grid, search, among)
-    store.keep(key, {"reason": found.reason, "reasons": np.array(found.reasons), "window": np.array(grid.window)})
+    values, lengths = run_lengths(found.reason.ravel())
+    window, reasons = np.array(grid.window), np.array(found.reasons)
+    store.keep(key, {"values": values, "lengths": lengths.astype(np.int32), "reasons": reasons, "window": window})
     return found
 
 
@@ -44,23 +47,34 @@ def inside(grid: PoseGrid) -> BoolArray:
 
 def _grown(kept: Arrays, grid: PoseGrid, search: Search, among: BoolArray | None) -> ReasonMap:
     """A kept map with the rim that a larger window adds."""
-    pitch, window = grid.step / grid.stride, float(kept["window"])
-    before = pose_grid(grid.root_a, grid.root_b, pitch=pitch, stride=grid.stride, n_yaw=grid.n_yaw, window=window)
+    before = _with_window(grid, float(kept["window"]))
     border = (grid.size - before.size) // 2
     core = slice(border, border + before.size), slice(border, border + before.size)
     known, rim = inside(before), inside(grid)
     rim[core] &= ~known
     found = search(rim if among is None else rim & among)
     reason = found.reason.copy()
-    reason[core] = np.where(known, kept["reason"], reason[core])
+    reason[core] = np.where(known, _kept_map(kept, before), reason[core])
     return ReasonMap(grid, reason, found.reasons)
 
 
 def _cut(kept: Arrays, grid: PoseGrid) -> ByteArray:
     """The part of a kept map that lies in a grid of the same or a smaller window."""
-    reason = np.asarray(kept["reason"], np.uint8)
     if kept["window"] == grid.window:
-        return reason
+        return _kept_map(kept, grid)
+    reason = _kept_map(kept, _with_window(grid, float(kept["window"])))
     border = (reason.shape[0] - grid.size) // 2
     core = reason[border : border + grid.size, border : border + grid.size]
     return np.where(inside(grid), core, np.uint8(OUTSIDE))
+
+
+def _kept_map(kept: Arrays, grid: PoseGrid) -> ByteArray:
+    """(X, Y, Yaw) the map that is kept of a grid."""
+    reason = np.repeat(np.asarray(kept["values"], np.uint8), kept["lengths"])
+    return reason.reshape(grid.size, grid.size, grid.n_yaw)
+
+
+def _with_window(grid: PoseGrid, window: float) -> PoseGrid:
+    """The same lattice around the same roots, with another window."""
+    pitch = grid.step / grid.stride
+    return pose_grid(grid.root_a, grid.root_b, pitch=pitch, stride=grid.stride, n_yaw=grid.n_yaw, window=window)

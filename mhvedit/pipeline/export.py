@@ -148,7 +148,10 @@ def export_scene(edit: EditedScene, job: Job, out: Path) -> ExportScene:
 
 def _pieces(subject: Subject, spec: SubjectSpec, taken: set[str]) -> list[Piece]:
     """The body and all things that have meshes of their own; `taken` learns their names."""
-    found = [Piece(spec.name, BODY, spec.name, subject.sequence, spec.path.path, spec.units, spec.up)]
+    place = (spec.path.path, spec.units, spec.up)
+    if spec.self_collision is not None:
+        place = (subject.sequence.files[0], "m", "z")
+    found = [Piece(spec.name, BODY, spec.name, subject.sequence, *place)]
     for part, opened in subject.parts.items():
         asked = spec.parts.get(part)
         if isinstance(opened, OwnMesh) and isinstance(asked, OwnMeshSpec):

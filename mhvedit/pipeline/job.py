@@ -1,7 +1,7 @@
 """The whole job, stage by stage: load, solve, choose, write."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, CancelledError, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,20 +13,23 @@ import numpy as np
 from mhvedit.errors import SceneError
 from mhvedit.geometry.planar import invert
 from mhvedit.optimise.stages import NoSolution
-from mhvedit.pipeline.assemble import Assembly, assemble
+from mhvedit.pipeline.arrange import arranged
+from mhvedit.pipeline.assemble import Assembly
 from mhvedit.pipeline.misses import Miss, explain_empty
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.picks import rows_left
+from mhvedit.pipeline.progress import Progress
+from mhvedit.pipeline.props_pass import with_props
 from mhvedit.pipeline.segments import SolvedSegment, solve_segment
 from mhvedit.pipeline.store import Store, open_store
 from mhvedit.project.captures import open_subjects, scene_fps
+from mhvedit.project.props import Prop, open_props
 from mhvedit.project.scene_file import load_scene
 from mhvedit.project.schema import SceneFile, SegmentSpec, Spot
 from mhvedit.project.subjects import Subject
 
 T = TypeVar("T")
 AT_ONCE = 2  # segments that are worked on at a time: one is voxelised while another is searched
-Progress = Callable[[str, float], None]  # stage in words, share of it that is done
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +40,7 @@ class Job:
     subjects: Mapping[str, Subject]
     fps: float  # Hz, of the edited scene
     store: Store
+    props: Mapping[str, Prop]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +72,17 @@ def load(path: Path | str, *, cache: Path | None = None) -> Job:
     """
     scene = oriented(load_scene(Path(path)))
     subjects = open_subjects(scene, cache=None if cache is None else cache / "frames")
-    return Job(scene, subjects, scene_fps(scene, subjects), open_store(cache))
+    props = open_props(scene, cache=None if cache is None else cache / "frames")
+    if any(spec.kind == "simulated" for spec in scene.props.values()):
+        from mhvedit.pipeline.props_world import require_simulable  # takes a second to load, and few scenes need it
+
+        require_simulable(scene, props)
+    store = open_store(cache)
+    if any(spec.self_collision is not None for spec in scene.subjects.values()):
+        from mhvedit.pipeline.repair import repaired_subjects  # likewise
+
+        subjects = repaired_subjects(scene, subjects, store)
+    return Job(scene, subjects, scene_fps(scene, subjects), store, props)
 
 
 def solve(job: Job, *, workers: int = 2, progress: Progress | None = None, previous: Result | None = None) -> Result:
@@ -179,29 +193,20 @@ def choose(result: Result, picked: Mapping[str, int]) -> Result:
             np.array([picked[spec.name]]) if spec.name in picked else rows_left(spec, segment, people)
             for spec, segment in zip(scene.segments, result.segments, strict=True)
         ]
-        assembly = assemble(scene, people, result.segments, fps=result.job.fps, rows=rows)
+        job = result.job
+        assembly = arranged(scene, people, result.segments, rows, fps=job.fps, props=job.props, store=job.store)
     except NoSolution as failure:
         return replace(result, assembly=None, failure=failure)
+    assembly = with_props(scene, assembly, job.subjects, job.props, job.store)
     return replace(result, assembly=assembly, failure=None)
 
 
 def oriented(scene: SceneFile) -> SceneFile:
-    """The scene with all segments told from the same side: the first segment's first subject is A everywhere.
-
-    Raises:
-        SceneError: more than two subjects take part, which this version cannot solve.
-    """
-    a, b = scene.segments[0].between
+    """The scene with all segments of two people told from one side: A is who is A where they first meet."""
+    first: dict[frozenset[str], tuple[str, str]] = {}
     for spec in scene.segments:
-        if set(spec.between) != {a, b}:
-            raise SceneError(
-                scene.file, f"{spec.key}.between", f'the same two subjects in all segments ("{a}" and "{b}")',
-                " and ".join(f'"{name}"' for name in spec.between),
-            )  # fmt: skip
-    idle = [subject.key for name, subject in scene.subjects.items() if name not in (a, b)]
-    if idle:
-        raise SceneError(scene.file, idle[0], f'no subjects but the two of the segments ("{a}" and "{b}")', "another")
-    return replace(scene, segments=tuple(s if s.between == (a, b) else _mirrored(s) for s in scene.segments))
+        first.setdefault(frozenset(spec.between), spec.between)
+    return replace(scene, segments=tuple(s if s.between in first.values() else _mirrored(s) for s in scene.segments))
 
 
 def _mirrored(spec: SegmentSpec) -> SegmentSpec:

@@ -23,11 +23,11 @@ from mhvedit.volumes.subject import BODY
 # Raise a stage's number when its results change.
 FRAMES: Final = 1
 VOLUMES: Final = 1
-CONTACT: Final = 1
-BODIES: Final = 1
-SIGHT: Final = 1
+CONTACT: Final = 2
+BODIES: Final = 2
+SIGHT: Final = 2
 CENTRES: Final = 1
-GROUP: Final = 1
+GROUP: Final = 2
 
 
 def segment_parts(spec: SegmentSpec) -> tuple[str, str]:
@@ -76,9 +76,10 @@ def contact_key(scene: SceneFile, spec: SegmentSpec, volumes: tuple[Key, Key]) -
     return ("contact", CONTACT, volumes, asked, scene.search.step, scene.search.yaw_step)
 
 
-def bodies_key(of_contact: Key, spec: SegmentSpec) -> Key:
-    """At which of these poses nothing meets that must not."""
-    return ("bodies", BODIES, of_contact, spec.apart, spec.tolerance.depth, spec.tolerance.apart)
+def bodies_key(of_contact: Key, spec: SegmentSpec, ground: Key | None = None) -> Key:
+    """At which of these poses nothing meets that must not; `ground`: what the stage asks, if it does."""
+    asked = ("bodies", BODIES, of_contact, spec.apart, spec.tolerance.depth, spec.tolerance.apart)
+    return asked if ground is None else (*asked, ground)
 
 
 def sight_key(of_bodies: Key, cones: MutualSight | None) -> Key | None:

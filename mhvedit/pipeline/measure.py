@@ -1,13 +1,14 @@
 """The check on the meshes, fed from the scene file: parts, cones, things held, tolerances.
 
-The scene is checked in stretches: a key segment, or what lies between two. Each is measured with A's capture at rest
-and B placed beside it, so that what was found holds wherever the pair stands, and is kept until the frames, their
-relative placements or what is asked of them change.
+Everybody is checked against everybody else and every fixed prop, two by two, and each two in stretches: a key segment
+of theirs, or what lies between two. Each stretch is measured with A's capture at rest and B placed beside it, so that
+what was found holds wherever the two stand, and is kept until the frames, their relative placements or what is asked of
+them change.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from mhvedit.constraints.visibility import sight_cone
 from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.planar import apply_pose, compose, invert, wrap_angle
+from mhvedit.pipeline.bodies import bodies_of, frames_off_floor
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.keys import frames_key, part_key, segment_parts
 from mhvedit.pipeline.people import Person
@@ -27,7 +29,7 @@ from mhvedit.scene.contact import TOUCH, ContactSlack, Verdict
 from mhvedit.scene.edit import EditedScene, SubjectEdit
 from mhvedit.scene.motion import AddedMotion, added_motion, sole_points
 from mhvedit.scene.report import PairReport, SceneReport, SegmentReport, SightReport
-from mhvedit.sequences.meshes import Mesh
+from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.volumes.parts import OwnMesh, select_points
 
 CHECK: Final = 1  # of what is kept of a stretch; raise it when the check changes
@@ -54,21 +56,83 @@ def measure_scene(
         workers: threads.
         progress: told after every frame.
     """
-    if between_frames:
-        return _measured(job, people, scene, between_frames=between_frames, workers=workers, progress=progress)
+    pairs = [*combinations(scene.subjects, 2), *product(scene.subjects, _obstacles(job))]
+    reports: list[SceneReport] = []
+    for done, pair in enumerate(pairs):
+        own = pair_scene(job, scene, pair)
+
+        def tell(frames: int, _: int, done: int = done) -> None:
+            if progress is not None:
+                progress(done * scene.n_frames + frames, len(pairs) * scene.n_frames)
+
+        if between_frames:
+            found = _measured(job, people, own, between_frames=between_frames, workers=workers, progress=tell)
+        else:
+            found = _in_stretches(job, people, own, workers=workers, progress=tell)
+        reports.append(found)
+    segments = {segment.name: segment for report in reports for segment in report.segments}
+    return SceneReport(
+        name=scene.name,
+        n_frames=scene.n_frames,
+        fps=scene.fps,
+        reach=REACH,
+        between_frames=between_frames,
+        pairs=tuple(pair for report in reports for pair in report.pairs),
+        segments=tuple(segments[segment.name] for segment in scene.segments),
+        motions=tuple(_motion(job, name, edit) for name, edit in scene.subjects.items()),
+        off_floor=_off_floor(job, people, scene),
+    )
+
+
+def _off_floor(job: Job, people: Mapping[str, Person], scene: EditedScene) -> dict[str, tuple[int, ...]]:
+    """Frames in which somebody leaves the floor; empty where there is none."""
+    floor = np.array(job.scene.stage.floor)
+    if not len(floor):
+        return {}
+    sources = {name: edit.source for name, edit in scene.subjects.items()}
+    bodies = bodies_of(job.scene, people, sources, job.store)
+    return {
+        name: tuple(frames_off_floor(bodies[name], edit.placements, floor)) for name, edit in scene.subjects.items()
+    }
+
+
+def pair_scene(job: Job, scene: EditedScene, pair: tuple[str, str]) -> EditedScene:
+    """A scene with two of its subjects alone, or with one and a prop.
+
+    Args:
+        job: the scene file it was made from.
+        scene: the edit.
+        pair: their names.
+    """
+    subjects = {name: scene.subjects[name] for name in pair if name in scene.subjects}
+    for name in pair:
+        if name in job.props:
+            prop, n = job.props[name], scene.n_frames
+            subjects[name] = SubjectEdit(np.full(n, prop.sequence.numbers[0]), np.tile(prop.place, (n, 1)))
+    return replace(scene, subjects=subjects, segments=tuple(s for s in scene.segments if set(s.between) == set(pair)))
+
+
+def _obstacles(job: Job) -> list[str]:
+    """Props that do not move."""
+    return [name for name, prop in job.props.items() if prop.spec.kind == "fixed"]
+
+
+def _in_stretches(
+    job: Job, people: Mapping[str, Person], scene: EditedScene, *, workers: int, progress: Progress
+) -> SceneReport:
+    """The check of two people from its stretches."""
     found = []
     for start, stop in stretches(scene):
         part = _stretch(scene, start, stop)
 
-        def tell(done: int, count: int, start: int = start) -> None:
-            if progress is not None:
-                progress(start + done, scene.n_frames)
+        def tell(done: int, _: int, start: int = start) -> None:
+            progress(start + done, scene.n_frames)
 
-        def build(part: EditedScene = part, tell: Progress = tell, start: int = start) -> Arrays:
+        def build(part: EditedScene = part, start: int = start, tell: Progress = tell) -> Arrays:
             return _as_arrays(_measured(job, people, part, first=start, workers=workers, progress=tell))
 
         found.append(job.store.arrays(_key(job, people, part, start), build))
-        tell(stop - start, scene.n_frames)
+        progress(stop, scene.n_frames)
     return _joined(job, scene, found)
 
 
@@ -80,14 +144,14 @@ def stretches(scene: EditedScene) -> Iterator[tuple[int, int]]:
 
 
 def _stretch(scene: EditedScene, start: int, stop: int) -> EditedScene:
-    """Some frames of a scene, with A's capture at rest."""
-    (a, first), *others = scene.subjects.items()
-    at_rest = first.placements[start:stop]
-    subjects = {a: SubjectEdit(first.source[start:stop], np.zeros((stop - start, 3)))}
-    for name, edit in others:
-        beside = compose(invert(at_rest), edit.placements[start:stop])
-        beside[:, 2] = wrap_angle(beside[:, 2])
-        subjects[name] = SubjectEdit(edit.source[start:stop], np.round(beside, DIGITS) + 0.0)
+    """Some frames of a scene of two, with A's capture at rest."""
+    (a, first), (b, second) = scene.subjects.items()
+    beside = compose(invert(first.placements[start:stop]), second.placements[start:stop])
+    beside[:, 2] = wrap_angle(beside[:, 2])
+    subjects = {
+        a: SubjectEdit(first.source[start:stop], np.zeros((stop - start, 3))),
+        b: SubjectEdit(second.source[start:stop], np.round(beside, DIGITS) + 0.0),
+    }
     segments = tuple(
         replace(s, start=s.start - start, stop=s.stop - start)
         for s in scene.segments
@@ -101,9 +165,10 @@ def _key(job: Job, people: Mapping[str, Person], part: EditedScene, start: int) 
     known, specs = job.store.contents, {spec.name: spec for spec in job.scene.segments}
     sides = []
     for name, edit in part.subjects.items():
-        subject, own = job.subjects[name], job.scene.subjects[name]
-        things = {n: frames_key(thing.sequence, edit.source, known) for n, thing in _held(subject).items()}
-        frames = frames_key(subject.sequence, edit.source, known)
+        own = job.scene.props[name] if name in job.props else job.scene.subjects[name]
+        held = {} if name in job.props else _held(job.subjects[name])
+        things = {n: frames_key(thing.sequence, edit.source, known) for n, thing in held.items()}
+        frames = frames_key(_captures(job)[name], edit.source, known)
         sides.append((frames, things, own.units, own.up, edit.placements.tolist()))
     asked = []
     for segment in part.segments:
@@ -146,7 +211,7 @@ def _as_arrays(report: SceneReport) -> Arrays:
 
 
 def _joined(job: Job, scene: EditedScene, found: list[Arrays]) -> SceneReport:
-    """The whole scene's report from its stretches."""
+    """The report on two people from its stretches."""
     a, b = scene.subjects
     at_rest = scene.subjects[a].placements
     where = np.concatenate([own["where"] for own in found])
@@ -193,7 +258,7 @@ def _joined(job: Job, scene: EditedScene, found: list[Arrays]) -> SceneReport:
         between_frames=0,
         pairs=(pair,),
         segments=tuple(segments),
-        motions=tuple(_motion(job, name, edit) for name, edit in scene.subjects.items()),
+        motions=(),
     )
 
 
@@ -241,7 +306,7 @@ def _measured(
 
     return check_scene(
         scene,
-        {name: subject.sequence for name, subject in job.subjects.items()},
+        _captures(job),
         part_vertices=part_vertices,
         parts_of_segment={name: segment_parts(spec) for name, spec in specs.items()},
         slack={name: _slack(job, spec) for name, spec in specs.items()},
@@ -255,6 +320,12 @@ def _measured(
         workers=workers,
         progress=progress,
     )
+
+
+def _captures(job: Job) -> dict[str, MeshSequence]:
+    """Of subjects and props."""
+    people = {name: subject.sequence for name, subject in job.subjects.items()}
+    return people | {name: prop.sequence for name, prop in job.props.items()}
 
 
 def _held(subject: Subject) -> dict[str, OwnMesh]:

@@ -10,6 +10,7 @@ from mhvedit.constraints.dictionary import NO_CONTACT, TOUCHES_AT_A_WRONG_MOMENT
 from mhvedit.constraints.fidelity import BODIES_MEET, TOO_DEEP
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray
+from mhvedit.pipeline.ground import ground_clauses
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.store import Store
@@ -79,6 +80,7 @@ def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Pe
         cones = segment_cones(spec, people, segment.pair)
         sight = None if cones is None else SightTest(cones, volumes[0].body, volumes[1].body)
         clauses = segment_clauses(spec, *volumes, pitch=scene.search.voxel)
+        clauses += ground_clauses(scene, spec, people, *volumes)
         found = search_poses(segment.grid, clauses, sight=sight, among=among, workers=workers)
         passing = int(found.accepted.sum())
         if passing:

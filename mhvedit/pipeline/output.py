@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ import numpy as np
 
 from mhvedit.errors import CaptureError, MhveditError, OutputBusy
 from mhvedit.files import replacing, write_arrays
-from mhvedit.pipeline.assemble import captured_poses
+from mhvedit.geometry.moved import moved_poses
+from mhvedit.geometry.planar import invert
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.scene.edit import edit_as_dict
@@ -137,15 +139,15 @@ def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
     """Write a whole solution group and its map of reasons; poses are of B's capture frame in A's."""
     a, b = (result.people[name] for name in segment.spec.between)
     group, grid = segment.rows(np.arange(segment.n_solutions)), segment.grid  # not to be held on to: they are large
-    poses = captured_poses(group.poses, a, b)
+    x, y, yaw = moved_poses(group.poses, left=a.pose, right=invert(b.pose))
     arrays: dict[str, np.ndarray[Any, Any]] = {
-        "x": poses[:, 0],
-        "y": poses[:, 1],
-        "yaw": poses[:, 2],
+        "x": x,
+        "y": y,
+        "yaw": yaw,
         "distance": group.distance,
         "theta_a": group.theta_a,
         "theta_b": group.theta_b,
-        "region": group.region.astype(np.int64),
+        "region": group.region,
         "clearance": group.clearance,
         "penalty": segment.penalty,
         "reason": segment.found.reason,
@@ -177,11 +179,9 @@ def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[st
         "gap": assembly.scene.gap if assembly else None,
         "chains_of_equal_cost": assembly.placements.equals if assembly else None,
         "segments": [_segment_as_dict(s, row, result) for s, row in zip(result.segments, chosen, strict=True)],
-        "left_out": [
-            {"frame": s.start, "frames": list(s.left_out)}
-            for s in (assembly.stretches if assembly else ())
-            if any(s.left_out)
-        ],
+        "left_out": [asdict(frames) for frames in assembly.line.left_out] if assembly else [],
+        "bends": [asdict(bend) for bend in assembly.bends] if assembly else [],
+        "held": [asdict(frames) for frames in assembly.line.held] if assembly else [],
         "estimated": {name: list(person.estimated) for name, person in result.people.items()},
         "seconds": {stage: round(spent, 3) for stage, spent in result.seconds.items()},
         "check": None if check is None else report_as_dict(check),

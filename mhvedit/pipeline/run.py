@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError
-from mhvedit.pipeline.job import Job, Progress, Result, load, solve
+from mhvedit.pipeline.job import Job, Result, load, solve
 from mhvedit.pipeline.kept import cache_limit, trim
 from mhvedit.pipeline.measure import measure_scene
 from mhvedit.pipeline.output import (
@@ -27,6 +27,7 @@ from mhvedit.pipeline.output import (
 )
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.picks import idle_exclusions
+from mhvedit.pipeline.progress import Progress
 from mhvedit.pipeline.standing import answer_files, forget, holds, note, standing_in
 from mhvedit.pipeline.store import Arrays, Store, capture_signature, hashed
 from mhvedit.pipeline.terms import segment_pair
@@ -97,7 +98,10 @@ def run_scene(
         for sentence in idle:
             warn(sentence)
         job.store.contents.save()
-        outcome = _answered(out, result, warnings + idle, started=started, workers=workers)
+        notes = () if result.assembly is None else result.assembly.notes
+        for sentence in notes:
+            warn(sentence)
+        outcome = _answered(out, result, warnings + idle + notes, started=started, workers=workers)
         if answered is not None:
             answered(outcome)
         if check:
@@ -133,7 +137,8 @@ def _answer_key(result: Result) -> str:
     scene, people = result.job.scene, result.people
     answer = str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
     captures = [(person.signature, _things_key(person, result.job.store)) for person in people.values()]
-    return hashed(("answer", VERSION, scene, captures, [s.identity for s in result.segments], answer))
+    props = [result.job.store.contents.of(prop.sequence.files) for prop in result.job.props.values()]
+    return hashed(("answer", VERSION, scene, captures, props, [s.identity for s in result.segments], answer))
 
 
 def _solutions_names(result: Result) -> dict[str, str]:

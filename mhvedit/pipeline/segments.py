@@ -11,7 +11,7 @@ from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.stages import Pair, Progress, Stages, found_by, grid_of, group_of, segment_stages, volumes_of
 from mhvedit.pipeline.store import Arrays, Store, entry_name
 from mhvedit.project.schema import SceneFile, SegmentSpec
-from mhvedit.search.groups import SolutionGroup
+from mhvedit.search.groups import SolutionGroup, described
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap
 from mhvedit.sequences.segments import SegmentPair
@@ -80,18 +80,8 @@ class SolvedSegment:
         Args:
             rows: (N,) of the group.
         """
-        kept = self._columns("region", "clearance", "distance", "theta_a", "theta_b")
-        keys = self.keys(rows)
-        cells = np.concatenate([keys[:, :2] - self.grid.base[keys[:, 2]], keys[:, 2:]], 1)
-        return SolutionGroup(
-            keys=keys,
-            poses=self.grid.poses(cells),
-            distance=kept["distance"][rows],
-            theta_a=kept["theta_a"][rows],
-            theta_b=kept["theta_b"][rows],
-            region=kept["region"][rows],
-            clearance=kept["clearance"][rows],
-        )
+        kept = self._columns("region", "clearance")
+        return described(self.grid, self.cells[rows], kept["region"][rows], kept["clearance"][rows], facing=self.facing)
 
     def rows_at(self, keys: IntArray) -> IntArray:
         """Rows of lattice poses, -1 for those that are no solutions.

@@ -7,10 +7,11 @@ from functools import cache, partial
 import numpy as np
 
 from mhvedit.errors import CaptureError, SceneError
-from mhvedit.geometry.arrays import BoolArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.quality import contact_penalty
 from mhvedit.pipeline.decided import decided
+from mhvedit.pipeline.ground import ground_clauses, ground_key
 from mhvedit.pipeline.keys import (
     bodies_key,
     centres_key,
@@ -33,10 +34,10 @@ from mhvedit.pipeline.terms import (
     segment_pair,
 )
 from mhvedit.project.schema import SceneFile, SegmentSpec
-from mhvedit.search.groups import solution_group
+from mhvedit.search.groups import located_solutions
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.sight import MutualSight
-from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap, SightTest, search_poses
+from mhvedit.search.solve import BASE_REASONS, ReasonMap, SightTest, search_poses
 from mhvedit.sequences.segments import SegmentPair
 from mhvedit.volumes.history import frame_centres, word_count
 from mhvedit.volumes.subject import SubjectVolumes, part_of, subject_volumes
@@ -87,7 +88,7 @@ def segment_stages(
     )
     cones, facing = segment_cones(spec, people, pair), (facing_a, facing_b)
     of_contact = contact_key(scene, spec, (a, b))
-    of_bodies = bodies_key(of_contact, spec)
+    of_bodies = bodies_key(of_contact, spec, ground_key(scene, spec, store.contents))
     of_sight = sight_key(of_bodies, cones)
     return Stages(
         scene=scene,
@@ -139,6 +140,7 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
 
     def bodies(among: BoolArray | None) -> ReasonMap:
         clauses = bodies_clauses(spec, *volumes(), pitch=stages.scene.search.voxel)
+        clauses += ground_clauses(stages.scene, spec, stages.people, *volumes())
         return search(clauses, among=among, progress=progress)
 
     def sight(among: BoolArray | None) -> ReasonMap:
@@ -166,33 +168,36 @@ def group_of(
         stages: of a segment.
         grid: its candidate poses.
         names: of the arrays that are asked for, all if none is named: `cells` (S,) in the flattened grid, ascending;
-            `region`, `clearance`, `distance`, `theta_a`, `theta_b`, `penalty` (S,); `n_regions`; `reasons`, `counts`.
+            `region`, `clearance`, `penalty` (S,); `n_regions`; `reasons`, `counts`.
         progress: told the share of the search that is done.
         made: given the map, if it had to be made.
     """
 
     def build() -> Arrays:
         found = found_by(stages, grid, progress=progress)
-        group = solution_group(found, facing_a=stages.facing[0], facing_b=stages.facing[1], lever=LEVER)
+        cells, region, clearance = located_solutions(found, lever=LEVER)
         if made is not None:
             made(found)
-        contact = segment_contact(stages.spec, _centres(stages, 0), _centres(stages, 1), stages.pair.n_frames)
         return {
-            "cells": np.flatnonzero(found.reason == ACCEPTED).astype(
-                np.int32 if found.reason.size < 2**31 else np.int64
-            ),
-            "region": group.region,
-            "clearance": group.clearance,
-            "distance": group.distance,
-            "theta_a": group.theta_a,
-            "theta_b": group.theta_b,
-            "penalty": np.zeros(len(group)) if contact is None else contact_penalty(contact, group.poses),
-            "n_regions": group.region.max(initial=-1) + 1,
+            "cells": cells.astype(np.int32 if found.reason.size < 2**31 else np.int64),
+            "region": region,
+            "clearance": clearance,
+            "penalty": _penalties(stages, grid, cells),
+            "n_regions": region.max(initial=-1) + 1,
             "reasons": np.array(found.reasons),
             "counts": np.array([np.count_nonzero(found.reason == n) for n in range(len(found.reasons))]),
         }
 
     return stages.store.arrays(stages.of_group, build, names=names)
+
+
+def _penalties(stages: Stages, grid: PoseGrid, cells: IntArray) -> FloatArray:
+    """(S,) what the contact's quality speaks against the poses of cells, m."""
+    contact = segment_contact(stages.spec, _centres(stages, 0), _centres(stages, 1), stages.pair.n_frames)
+    if contact is None:
+        return np.zeros(len(cells))
+    i, j, k = np.unravel_index(cells, (grid.size, grid.size, grid.n_yaw))
+    return contact_penalty(contact, grid.poses(np.stack([i, j, k], 1)))
 
 
 def _further(found: ReasonMap, more: ReasonMap) -> ReasonMap:

@@ -9,6 +9,7 @@ from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.keys import segment_parts
 from mhvedit.pipeline.people import Person
+from mhvedit.pipeline.repair import repaired_in_words, repaired_story
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.project.schema import SegmentSpec
 from mhvedit.scene.report import SceneReport
@@ -48,17 +49,18 @@ def report_content(
         limit_mm=limit_mm,
         centres=centres,
         passed=scene is not None and not problems,
-        about=[_about(name, person) for name, person in result.people.items()],
+        about=[_about(result, name, person) for name, person in result.people.items()],
         warnings=[*warnings, *problems, *_dropped(result)],
+        notes=_bends(result),
         settings=_settings(result),
         stage_seconds=result.seconds,
     )
 
 
 def scene_check(report: SceneReport) -> SceneCheck:
-    """The check as the charts take it; the pair is the only one."""
-    pair = report.pairs[0]
-    gap = np.where(np.isfinite(pair.gap), pair.gap, np.nan)
+    """The check as the charts take it: of all pairs the one that is nearest or deepest in each frame."""
+    least = np.min([pair.gap for pair in report.pairs], axis=0)
+    gap = np.where(np.isfinite(least), least, np.nan)
     contact = np.zeros(report.n_frames, np.bool_)
     for segment in report.segments:
         contact[list(segment.contact_frames)] = True
@@ -150,7 +152,7 @@ def _notes(result: Result, segment: SolvedSegment, chosen: int | None) -> list[s
     return [f"{equals:,} chains cost the same; clearance and contact quality decided."] if equals > 1 else []
 
 
-def _about(name: str, person: Person) -> CaptureStory:
+def _about(result: Result, name: str, person: Person) -> CaptureStory:
     numbers = person.sequence.numbers
     trust = float(np.median(person.facing.trust))
     steps = np.degrees(np.abs(wrap_angle(np.diff(person.facing.yaw))))
@@ -159,6 +161,10 @@ def _about(name: str, person: Person) -> CaptureStory:
         notes.append("The facing is a doubtful estimate: look at it, and give `facing` in the scene file if wrong.")
     if len(steps) and steps.max() > 60:
         notes.append(f"The facing jumps by {steps.max():.0f} degrees at frame {numbers[int(steps.argmax()) + 1]}.")
+    repair = None
+    if result.job.scene.subjects[name].self_collision is not None:
+        repair = repaired_story(person.sequence)
+        notes.append(repaired_in_words(person.sequence))
     return CaptureStory(
         name=name,
         facts={
@@ -169,18 +175,33 @@ def _about(name: str, person: Person) -> CaptureStory:
         facing_trust=trust if "facing" in person.estimated else None,
         gaze="estimated from the meshes" if "gaze" in person.estimated else "as given in the scene file",
         notes=notes,
+        fitted=repair,
     )
 
 
 def _dropped(result: Result) -> list[str]:
+    """Captured frames that are not shown, and frames of the scene for which there are none."""
     if result.assembly is None:
         return []
-    names = result.job.scene.segments[0].between
+    line = result.assembly.line
     return [
-        f"At frame {s.start} of the scene {count} frames of {name} are left out, because the other has none there."
-        for s in result.assembly.stretches
-        for name, count in zip(names, s.left_out, strict=True)
-        if count
+        f"At frame {own.frame} of the scene {own.count} frames of {own.subject} are left out: there is no time for "
+        "them."
+        for own in line.left_out
+    ] + [
+        f"In frames {own.frame} to {own.frame + own.count - 1} of the scene {own.subject} stands still, "
+        "for want of captured frames."
+        for own in line.held
+    ]
+
+
+def _bends(result: Result) -> list[str]:
+    """Where paths give way."""
+    return [
+        f"Frames {bend.first} to {bend.last}, between key segments: {' and '.join(bend.between)} would be "
+        f"{bend.before_mm:.0f} mm deep in each other, {bend.allowed_mm:.0f} mm are allowed. Their paths give way by up "
+        f"to {bend.moved_mm:.0f} mm, at a cost of {bend.cost:.2g} m²; they are {bend.after_mm:.0f} mm deep."
+        for bend in (() if result.assembly is None else result.assembly.bends)
     ]
 
 

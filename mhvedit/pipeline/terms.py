@@ -21,11 +21,17 @@ from mhvedit.sequences.segments import SegmentPair
 from mhvedit.volumes.subject import BODY, SubjectVolumes, part_of
 
 
+def segment_key(spec: SegmentSpec) -> KeyRange:
+    """A segment as the time line takes it."""
+    a, b = spec.between
+    return KeyRange(spec.between, spec.frames[a], spec.frames[b], spec.retime)
+
+
 def segment_pair(scene: SceneFile, spec: SegmentSpec, people: Mapping[str, Person], fps: float) -> SegmentPair:
     """The frames of a segment, both at one length."""
     a, b = spec.between
     rates = fps / people[a].sequence.fps, fps / people[b].sequence.fps
-    return key_pair(KeyRange(spec.frames[a], spec.frames[b], spec.retime), rates=rates)
+    return key_pair(segment_key(spec), rates=rates)
 
 
 def segment_cones(spec: SegmentSpec, people: Mapping[str, Person], pair: SegmentPair) -> MutualSight | None:

@@ -39,14 +39,14 @@ def scene_fps(scene: SceneFile, subjects: Mapping[str, Subject]) -> float:
 
 
 def check_frames(scene: SceneFile, subjects: Mapping[str, Subject]) -> None:
-    """Check that captures, own meshes, tracks and skeletons have the frames of the segments that use them.
+    """Check that captures, own meshes, tracks and skeletons have the frames of the segments and marks that use them.
 
     Args:
         scene: from `load_scene`.
         subjects: opened, by name.
 
     Raises:
-        SceneError: the first segment that asks for frames that are not there, and some of these.
+        SceneError: the first segment or mark that asks for frames that are not there, and some of these.
     """
     for segment in scene.segments:
         for who in segment.between:
@@ -57,6 +57,11 @@ def check_frames(scene: SceneFile, subjects: Mapping[str, Subject]) -> None:
                 _check_gaze(scene.subjects[who], segment, subjects[who])
         a, b = (subjects[who].sequence.fps for who in segment.between)
         check_visible_frames(scene.file, segment, fps=scene_fps(scene, subjects), rates=(a, b))
+    for mark in scene.stage.marks:
+        numbers = subjects[mark.subject].sequence.numbers
+        if mark.frame not in numbers:
+            expected = f"a frame of {mark.subject}'s, {numbers[0]} to {numbers[-1]}"
+            raise SceneError(scene.file, f"{mark.key}.frame", expected, str(mark.frame))
 
 
 def _check_capture(scene: SceneFile, segment: SegmentSpec, subject: Subject) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Final
 from mhvedit.errors import SceneError
 from mhvedit.project.schema import OptimiseSettings, SceneFile, SearchSettings, SubjectSpec
 from mhvedit.project.segment_keys import check_visible_frames, segment_specs
+from mhvedit.project.stage_keys import prop_specs, stage_spec
 from mhvedit.project.subject_keys import subject_spec
 from mhvedit.project.values import Value, fields, named, number, text
 
@@ -23,6 +24,8 @@ KEYS: Final[Mapping[str, Any]] = {
     "segments": None,
     "search": {},
     "optimise": {},
+    "stage": {},
+    "props": {},
 }
 NEARLY: Final = 1e-6  # by which a quotient of decimals may miss the whole number that it is meant to be
 
@@ -81,6 +84,8 @@ def parse_scene(content: str, path: Path) -> SceneFile:
         segments=segment_specs(entries["segments"], subjects),
         search=_search(entries["search"]),
         optimise=_optimise(entries["optimise"]),
+        stage=stage_spec(entries["stage"], subjects),
+        props=prop_specs(entries["props"], subjects),
     )
     _check_visible_frames(scene)
     return scene

@@ -67,6 +67,24 @@ class GazeSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class EquipmentSpec:
+    """A thing that hangs on a limb of a capture, in the units and axes of the subject's files."""
+
+    path: FilePath  # a closed mesh
+    limb: str  # joint of the fitted skeleton
+    frame: int  # number of the captured frame in which the mesh is where it belongs
+
+
+@dataclass(frozen=True, slots=True)
+class SelfCollisionSpec:
+    """`[subjects.<name>.self_collision]`: equipment or another girth, and limbs that are kept from what then meets."""
+
+    method: str = "bisection"
+    equipment: tuple[EquipmentSpec, ...] = ()
+    girth: Mapping[str, float] = field(default_factory=dict)  # factors by joint of the fitted skeleton; others 1
+
+
+@dataclass(frozen=True, slots=True)
 class SubjectSpec:
     """One `[subjects.<name>]`."""
 
@@ -82,6 +100,7 @@ class SubjectSpec:
     gaze: GazeSpec | None  # None: estimate
     skeleton: FilePath | None
     parts: Mapping[str, PartSpec]  # in the file's order; `body` is not among them
+    self_collision: SelfCollisionSpec | None = None  # None: the capture stays as it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +195,53 @@ class OptimiseSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class Mark:
+    """One `[[stage.marks]]`: somebody stands at a place of the stage in one captured frame."""
+
+    key: str  # where it stands in the file
+    subject: str
+    frame: int  # number of the captured frame
+    at: tuple[float, float]  # m, of the root in plan
+    facing: float | None  # rad about up, 0 along x; None: any way
+    within: float  # m, how near to the place suffices
+
+
+@dataclass(frozen=True, slots=True)
+class StageSpec:
+    """`[stage]`: the floor that everybody stays on, marks, and who keeps the captured placement."""
+
+    floor: tuple[tuple[float, float], ...] = ()  # m, corners of a polygon; none: no limits
+    marks: tuple[Mark, ...] = ()
+    pin: str | None = None  # a subject whose capture frame is the stage's
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSpec:
+    """How a prop was recorded to move: its frame is that of a joint of a BVH file."""
+
+    path: FilePath
+    joint: str | None  # None: the root
+    units: str  # m, cm or mm
+    up: str  # x, y or z
+
+
+@dataclass(frozen=True, slots=True)
+class PropSpec:
+    """One `[props.<name>]`: a thing on the stage."""
+
+    key: str  # where it stands in the file
+    name: str
+    path: FilePath  # a mesh file, or a capture
+    units: str  # m, cm or mm
+    up: str  # x, y or z
+    kind: str  # `class` in the file: fixed, simulated or driven
+    material: str  # wood, metal or human
+    mass: float | None  # kg; None: of a solid of that material
+    place: Spot  # of its own frame on the stage, or of its motion's
+    motion: MotionSpec | None = None  # of a driven prop; None: as its capture
+
+
+@dataclass(frozen=True, slots=True)
 class SceneFile:
     """A whole scene file; see `load_scene`."""
 
@@ -186,3 +252,5 @@ class SceneFile:
     segments: tuple[SegmentSpec, ...]  # in the file's order, which is that in time of every subject
     search: SearchSettings = field(default_factory=SearchSettings)
     optimise: OptimiseSettings = field(default_factory=OptimiseSettings)
+    stage: StageSpec = field(default_factory=StageSpec)
+    props: Mapping[str, PropSpec] = field(default_factory=dict)  # in the file's order

@@ -15,6 +15,7 @@ from mhvedit.project.schema import (
     SubjectSpec,
     WithLabelSpec,
 )
+from mhvedit.project.self_collision_keys import self_collision
 from mhvedit.project.values import (
     Value,
     fields,
@@ -45,6 +46,7 @@ KEYS: Final[Mapping[str, Any]] = {
     "gaze": "auto",
     "skeleton": None,
     "parts": {},
+    "self_collision": None,
 }
 CAPTURE: Final = "a folder of numbered meshes, a .npz or a USD file"
 TRACK: Final = "a track file"
@@ -75,6 +77,7 @@ def subject_spec(at: Value, name: str) -> SubjectSpec:
         gaze=_gaze(entries["gaze"]),
         skeleton=None if skeleton.value is None else file_path(skeleton, "a BVH file"),
         parts={part: _part(entry, part) for part, entry in named(entries["parts"]).items()},
+        self_collision=None if entries["self_collision"].value is None else self_collision(entries["self_collision"]),
     )
     _check_bones(spec, entries["parts"])
     return spec

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose
+from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 
 FORMAT = 1
@@ -40,6 +41,17 @@ class SegmentEdit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PropEdit:
+    """One prop through the whole scene."""
+
+    source: str  # path of its mesh, as in the scene file
+    kind: str  # fixed, simulated or driven
+    frames: IntArray  # (N,) frame numbers of its capture; one and the same for a single mesh
+    positions: FloatArray  # (N, 3) m
+    rotations: FloatArray  # (N, 4) x, y, z, w: p_world = R p + position, with the mesh in metres and z up
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class EditedScene:
     """What a solve decides."""
 
@@ -51,6 +63,7 @@ class EditedScene:
     cost: float  # m^2
     lower_bound: float  # m^2
     gap: float  # percent
+    props: Mapping[str, PropEdit] = field(default_factory=dict)
 
 
 def placed_mesh(scene: EditedScene, captures: Mapping[str, MeshSequence], subject: str, frame: int) -> Mesh:
@@ -65,6 +78,21 @@ def placed_mesh(scene: EditedScene, captures: Mapping[str, MeshSequence], subjec
     edit = scene.subjects[subject]
     mesh = captures[subject].mesh(int(edit.source[frame]))
     return Mesh(apply_pose(edit.placements[frame], mesh.vertices), mesh.faces, mesh.labels)
+
+
+def placed_prop(scene: EditedScene, captures: Mapping[str, MeshSequence], name: str, frame: int) -> Mesh:
+    """A prop's mesh in one frame of the scene, in the world.
+
+    Args:
+        scene: the edit.
+        captures: by prop name.
+        name: of the prop.
+        frame: of the scene, from 0.
+    """
+    edit = scene.props[name]
+    mesh = captures[name].mesh(int(edit.frames[frame]))
+    turn = rotation_matrices(edit.rotations[frame])
+    return Mesh(mesh.vertices @ turn.T + edit.positions[frame], mesh.faces, mesh.labels)
 
 
 def edit_as_dict(scene: EditedScene) -> dict[str, Any]:
@@ -98,6 +126,16 @@ def edit_as_dict(scene: EditedScene) -> dict[str, Any]:
         "cost": scene.cost,
         "lower_bound": scene.lower_bound,
         "gap": scene.gap,
+    } | ({"props": {name: _prop_as_dict(prop) for name, prop in scene.props.items()}} if scene.props else {})
+
+
+def _prop_as_dict(prop: PropEdit) -> dict[str, Any]:
+    return {
+        "source": prop.source,
+        "class": prop.kind,
+        "frames": prop.frames.tolist(),
+        "position": prop.positions.tolist(),
+        "rotation": prop.rotations.tolist(),
     }
 
 
@@ -141,6 +179,24 @@ def _edit_from(data: dict[str, Any]) -> EditedScene:
         )
         for s in data["segments"]
     )
+    props = {
+        name: PropEdit(
+            p["source"],
+            p["class"],
+            np.array(p["frames"], np.int64),
+            np.array(p["position"], np.float64),
+            np.array(p["rotation"], np.float64),
+        )
+        for name, p in data.get("props", {}).items()
+    }
     return EditedScene(
-        data["name"], data["fps"], data["frames"], subjects, segments, data["cost"], data["lower_bound"], data["gap"]
+        name=data["name"],
+        fps=data["fps"],
+        n_frames=data["frames"],
+        subjects=subjects,
+        segments=segments,
+        cost=data["cost"],
+        lower_bound=data["lower_bound"],
+        gap=data["gap"],
+        props=props,
     )

@@ -1,13 +1,13 @@
 """What a check of an edited scene found, the thresholds it is held to, and the sentences that say where it fails."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray
-from mhvedit.scene.contact import TOUCH, Verdict, touch_string
+from mhvedit.scene.contact import TOUCH, Verdict, spans, touch_string
 from mhvedit.scene.motion import AddedMotion
 
 
@@ -87,6 +87,7 @@ class SceneReport:
     pairs: tuple[PairReport, ...]
     segments: tuple[SegmentReport, ...]
     motions: tuple[AddedMotion, ...]  # by subject
+    off_floor: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # by subject, frames; where there is a floor
 
     @property
     def deepest(self) -> float:
@@ -121,6 +122,7 @@ def failures(report: SceneReport, thresholds: Thresholds) -> tuple[str, ...]:
         found += _segment_failures(segment, thresholds)
     for motion in report.motions:
         found += _motion_failures(report, motion, thresholds)
+    found += [f"stage: {name} leaves the floor in frames {spans(off)}" for name, off in report.off_floor.items() if off]
     return tuple(found)
 
 
@@ -157,6 +159,7 @@ def report_as_dict(report: SceneReport) -> dict[str, Any]:
         "between_frames": report.between_frames,
         "pairs": [_pair_as_dict(report, pair) for pair in report.pairs],
         "segments": [_segment_as_dict(segment) for segment in report.segments],
+        "off_floor": {name: list(frames) for name, frames in report.off_floor.items()},
         "motions": {motion.subject: _motion_as_dict(report, motion) for motion in report.motions},
     }
 

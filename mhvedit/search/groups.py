@@ -9,6 +9,7 @@ from numba import njit
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.distance import distance_to_outside
 from mhvedit.geometry.planar import rotation
+from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import ReasonMap
 
 THREADS = 2
@@ -40,41 +41,45 @@ def solution_group(found: ReasonMap, *, facing_a: float, facing_b: float, lever:
         facing_b: B's.
         lever: what a turn of one radian counts for in `clearance`, m.
     """
-    grid, accepted = found.grid, found.accepted
-    runs, starts = _runs(accepted)
-    cells = _cells_of_runs(runs, starts, accepted.shape[1])
-    yaws = grid.yaws
-    turned_b = rotation(yaws) @ grid.root_b
-    keys, poses, distance, theta_a, theta_b = _described(
-        cells, grid.base, grid.step, yaws, turned_b - grid.root_a, np.array([facing_a, facing_b])
-    )
-    return SolutionGroup(
-        keys=keys,
-        poses=poses,
-        distance=distance,
-        theta_a=theta_a,
-        theta_b=theta_b,
-        region=_numbered(runs, _joined(runs, starts, accepted.shape)),
-        clearance=clearances(accepted, step=grid.step, yaw_step=2 * np.pi / grid.n_yaw * lever),
-    )
+    cells, region, clearance = located_solutions(found, lever=lever)
+    return described(found.grid, cells, region, clearance, facing=(facing_a, facing_b))
 
 
-def rows_of_group(group: SolutionGroup, rows: IntArray) -> SolutionGroup:
-    """Some of the solutions.
+def located_solutions(found: ReasonMap, *, lever: float) -> tuple[IntArray, Int32Array, FloatArray]:
+    """Where the accepted poses are.
 
     Args:
-        group: of a segment.
-        rows: (N,) which.
+        found: what the search said.
+        lever: what a turn of one radian counts for in clearances, m.
+
+    Returns:
+        (S,) cells of the flattened grid, ascending; (S,) region, (S,) clearance as in `SolutionGroup`.
     """
-    return SolutionGroup(
-        keys=group.keys[rows],
-        poses=group.poses[rows],
-        distance=group.distance[rows],
-        theta_a=group.theta_a[rows],
-        theta_b=group.theta_b[rows],
-        region=group.region[rows],
-        clearance=group.clearance[rows],
+    accepted = found.accepted
+    runs, starts = _runs(accepted)
+    region = _numbered(runs, _joined(runs, starts, accepted.shape))
+    yaw_step = 2 * np.pi / found.grid.n_yaw * lever
+    cells = _cells_of_runs(runs, starts, accepted.shape[2])
+    return cells, region, clearances(accepted, step=found.grid.step, yaw_step=yaw_step)
+
+
+def described(
+    grid: PoseGrid, cells: IntArray, region: Int32Array, clearance: FloatArray, *, facing: tuple[float, float]
+) -> SolutionGroup:
+    """Solutions as the paper names them.
+
+    Args:
+        grid: candidate poses.
+        cells: (S,) of the flattened grid.
+        region: (S,) as in `SolutionGroup`.
+        clearance: (S,) as in `SolutionGroup`.
+        facing: of A and B over the segment, rad in their canonical frames.
+    """
+    turned_b = rotation(grid.yaws) @ grid.root_b
+    keys, poses, distance, theta_a, theta_b = _described(
+        cells, grid.size, grid.base, grid.step, grid.yaws, turned_b - grid.root_a, np.array(facing)
     )
+    return SolutionGroup(keys, poses, distance, theta_a, theta_b, region, clearance)
 
 
 def connected_regions(accepted: BoolArray) -> Int32Array:
@@ -140,14 +145,14 @@ def _runs_of_planes(accepted: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 @njit(cache=True, nogil=True)
-def _cells_of_runs(runs: IntArray, starts: IntArray, n_y: int) -> IntArray:
-    """All cells of all runs, in order."""
-    cells = np.empty(((runs[:, 1] - runs[:, 0]).sum(), 3), np.int64)
+def _cells_of_runs(runs: IntArray, starts: IntArray, n_z: int) -> IntArray:
+    """All cells of all runs in the flattened map, in order."""
+    cells = np.empty((runs[:, 1] - runs[:, 0]).sum(), np.int64)
     at = 0
     for row in range(starts.shape[0] - 1):
         for run in range(starts[row], starts[row + 1]):
             for z in range(runs[run, 0], runs[run, 1]):
-                cells[at, 0], cells[at, 1], cells[at, 2] = row // n_y, row % n_y, z
+                cells[at] = row * n_z + z
                 at += 1
     return cells
 
@@ -216,15 +221,15 @@ def _join(parent: IntArray, a: int, b: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _described(
-    cells: IntArray, base: IntArray, step: float, yaws: FloatArray, turned: FloatArray, facing: FloatArray
+    cells: IntArray, size: int, base: IntArray, step: float, yaws: FloatArray, turned: FloatArray, facing: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Keys, poses, distance and both angles of cells; `turned` is B's turned root less A's root, for each yaw."""
     count = cells.shape[0]
     keys, poses = np.empty((count, 3), np.int64), np.empty((count, 3))
     distance, theta_a, theta_b = np.empty(count), np.empty(count), np.empty(count)
     for s in range(count):
-        k = cells[s, 2]
-        keys[s, 0], keys[s, 1], keys[s, 2] = base[k, 0] + cells[s, 0], base[k, 1] + cells[s, 1], k
+        row, k = divmod(np.int64(cells[s]), yaws.shape[0])
+        keys[s, 0], keys[s, 1], keys[s, 2] = base[k, 0] + row // size, base[k, 1] + row % size, k
         poses[s, 0], poses[s, 1], poses[s, 2] = keys[s, 0] * step, keys[s, 1] * step, yaws[k]
         x, y = poses[s, 0] + turned[k, 0], poses[s, 1] + turned[k, 1]
         bearing = np.arctan2(y, x)

@@ -18,14 +18,22 @@ from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, Int32Array, IntArray, Words
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.pyramid import MOMENT_SLAB, TOP, Columns, Pyramid, TurnedColumns, level_of
+from mhvedit.search.pyramid import LEVELS, MOMENT_SLAB, TOP, Columns, Pyramid, TurnedColumns, level_of
+from mhvedit.search.scratch import Scratch
 
 SETTLED = -1  # a block that meets whatever the shift
 WITNESSED = 3  # the coarsest level at which the last witness is tried on all shifts of a block
 
 
 def meets(
-    a: Pyramid, b: TurnedColumns, *, base: IntArray, stride: int, asked: BoolArray, every: Words | None = None
+    a: Pyramid,
+    b: TurnedColumns,
+    *,
+    base: IntArray,
+    stride: int,
+    asked: BoolArray,
+    every: Words | None = None,
+    scratch: Scratch | None = None,
 ) -> BoolArray:
     """At which shifts A and turned B meet.
 
@@ -36,25 +44,30 @@ def meets(
         stride: voxels between shifts.
         asked: (X, Y) which shifts to decide; the others come back False.
         every: (W,) bits that must all occur in common, at least one; None: any bit.
+        scratch: to lay the result into; what was laid there before is lost.
 
     Returns:
         (X, Y).
     """
-    out = np.zeros(asked.shape, np.bool_)
+    scratch = scratch or Scratch()
+    out = scratch.array("met", asked.shape, np.bool_)
+    out[:] = False
     roots = _roots(level_of(b.some, TOP), *_facing_words(a.columns, b.columns))
     if len(roots) and a.columns.words.size:
         any_bit = every is None or a.columns.slab == MOMENT_SLAB
         need = np.zeros(a.columns.n_words, np.uint64) if every is None else every
-        sizes = b.some.shape[:, 0] * b.some.shape[:, 1]
-        most = max(2, min(len(roots) << 2 * (TOP - 1), int(sizes[1])))
-        lists = np.empty((TOP + 1, most, 4), np.int32)
+        most = max(2, min(len(roots) << 2 * (TOP - 1), int(b.some.shape[1].prod())))
+        lists = scratch.array("lists", (TOP + 1, most, 4), np.int32)
         _search(
-            a.own.words, a.some.words, a.sure.words, a.some.first, a.some.shape,
-            b.some.words, b.sure.words, b.some.first, b.some.shape,
+            a.own.row_of, a.own.words.ravel(), a.some.row_of, a.some.words.ravel(), a.sure.row_of, a.sure.words.ravel(),
+            a.some.first, a.some.shape, a.some.words.shape[1],
+            b.some.row_of, b.some.words.ravel(), b.sure.row_of, b.sure.words.ravel(),
+            b.some.first, b.some.shape, b.some.words.shape[1],
             b.starts - a.starts, b.starts[0] - a.columns.start,
             a.columns.column_of, a.columns.words, a.columns.voxels, b.column_of, b.columns.words, b.columns.voxels,
             _words_down(a.columns, b.columns), roots, lists, base * stride, stride,
-            asked, *_asked_blocks(asked, base * stride, stride), any_bit, need, np.empty_like([need, need]), out,
+            asked, *_asked_blocks(asked, base * stride, stride, scratch),
+            any_bit, need, np.empty_like([need, need]), out,
         )  # fmt: skip
     return out
 
@@ -70,13 +83,16 @@ def _facing_words(a: Columns, b: Columns) -> tuple[int, int]:
     return max(0, -down), min(b.words.shape[1], a.words.shape[1] - down)
 
 
-def _asked_blocks(asked: BoolArray, base: IntArray, stride: int) -> tuple[BoolArray, IntArray, IntArray]:
+def _asked_blocks(
+    asked: BoolArray, base: IntArray, stride: int, scratch: Scratch
+) -> tuple[BoolArray, IntArray, IntArray]:
     """Which blocks of shifts contain one that is asked for: all levels in a row, where each begins, and their sizes."""
     last = base + (np.array(asked.shape) - 1) * stride
-    sizes = np.array([(last >> level) - (base >> level) + 1 if level else (0, 0) for level in range(TOP + 1)])
-    ends = np.cumsum(sizes.prod(1))
+    sizes = np.where(LEVELS > 0, (last >> LEVELS) - (base >> LEVELS) + 1, 0)
+    ends = np.cumsum(sizes[:, 0] * sizes[:, 1])
     first = np.append(0, ends[:-1])
-    blocks = np.zeros(ends[-1], np.bool_)
+    blocks = scratch.array("blocks", (int(ends[-1]),), np.bool_)
+    blocks[:] = False
     _mark_blocks(asked, base, stride, blocks, first, sizes)
     return blocks, first, sizes
 
@@ -114,15 +130,22 @@ def _roots(level: Words, low: int, high: int) -> Int32Array:
 
 @njit(cache=True, nogil=True)  # one loop with its own stack: compiled recursion does not survive the cache
 def _search(  # noqa: C901
+    a_own_row: Int32Array,
     a_own: Words,
+    a_some_row: Int32Array,
     a_some: Words,
+    a_sure_row: Int32Array,
     a_sure: Words,
     a_first: IntArray,
     a_shape: IntArray,
+    a_n: int,
+    b_some_row: Int32Array,
     b_some: Words,
+    b_sure_row: Int32Array,
     b_sure: Words,
     b_first: IntArray,
     b_shape: IntArray,
+    b_n: int,
     offsets: IntArray,
     columns_off: IntArray,
     at_a: Int32Array,
@@ -146,7 +169,9 @@ def _search(  # noqa: C901
     out: BoolArray,
 ) -> None:
     """Descend through the blocks of shifts, depth first; `lists` holds what is left of B on the way down."""
+    a_own_row, a_some_row, a_sure_row = uncounted(a_own_row), uncounted(a_some_row), uncounted(a_sure_row)
     a_own, a_some, a_sure = uncounted(a_own), uncounted(a_some), uncounted(a_sure)
+    b_some_row, b_sure_row = uncounted(b_some_row), uncounted(b_sure_row)
     b_some, b_sure = uncounted(b_some), uncounted(b_sure)
     at_a, a_words, a_voxels = uncounted(at_a), uncounted(a_words), uncounted(a_voxels)
     at_b, b_words, b_voxels = uncounted(at_b), uncounted(b_words), uncounted(b_voxels)
@@ -206,14 +231,16 @@ def _search(  # noqa: C901
                 split, dx, dy = 1 if at_top else 2, offsets[finer, 0] + x, offsets[finer, 1] + y
                 if any_bit:
                     counts[finer] = _sift(
-                        a_own, a_some, a_sure, a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_shape[finer, 2],
-                        b_some, b_sure, b_first[finer], b_shape[finer, 1], b_shape[finer, 2],
+                        a_own_row, a_own, a_some_row, a_some, a_sure_row, a_sure,
+                        a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_n,
+                        b_some_row, b_some, b_sure_row, b_sure, b_first[finer], b_shape[finer, 1], b_n,
                         cells, n_cells, split, dx, dy, down, lists[finer], need.shape[0],
                     )  # fmt: skip
                 else:
                     counts[finer] = _sift_every(
-                        a_own, a_some, a_sure, a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_shape[finer, 2],
-                        b_some, b_sure, b_first[finer], b_shape[finer, 1], b_shape[finer, 2],
+                        a_own_row, a_own, a_some_row, a_some, a_sure_row, a_sure,
+                        a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_n,
+                        b_some_row, b_some, b_sure_row, b_sure, b_first[finer], b_shape[finer, 1], b_n,
                         cells, n_cells, split, dx, dy, down, lists[finer], need, seen, sure,
                     )  # fmt: skip
                 if counts[finer] == SETTLED:
@@ -246,14 +273,19 @@ def _settle(
 
 @njit(cache=True, nogil=True, inline="always")
 def _sift(
+    a_own_row: Int32Array,
     a_own: Words,
+    a_some_row: Int32Array,
     a_some: Words,
+    a_sure_row: Int32Array,
     a_sure: Words,
     a_first: int,
     a_x: int,
     a_y: int,
     a_n: int,
+    b_some_row: Int32Array,
     b_some: Words,
+    b_sure_row: Int32Array,
     b_sure: Words,
     b_first: int,
     b_y: int,
@@ -280,41 +312,42 @@ def _sift(
             i, j = x + dx, y + dy
             if i < 0 or j < 0 or i >= a_x or j >= a_y:
                 continue
-            in_a = np.uint64(a_first + (i * a_y + j) * a_n + down)
-            in_b = np.uint64(b_first + (x * b_y + y) * b_n)
-            common, sure = np.uint64(0), np.uint64(0)
-            for w in range(low, high):
-                both = a_some[in_a + w] & b_some[in_b + w]
-                common |= both
-                sure |= (a_sure[in_a + w] & both) | (a_own[in_a + w] & b_sure[in_b + w])
+            cell_a, cell_b = a_first + i * a_y + j, b_first + x * b_y + y
+            if a_some_row[cell_a] < 0 or b_some_row[cell_b] < 0:
+                continue
+            some_a, some_b = _row(a_some_row[cell_a], a_n, down), _row(b_some_row[cell_b], b_n, 0)
+            if _shared(a_some, some_a, b_some, some_b, low, high) == 0:
+                continue
+            sure = np.uint64(0)
+            if a_sure_row[cell_a] >= 0:
+                sure |= _shared(a_sure, _row(a_sure_row[cell_a], a_n, down), b_some, some_b, low, high)
+            if b_sure_row[cell_b] >= 0 and a_own_row[cell_a] >= 0:
+                own_a, sure_b = _row(a_own_row[cell_a], a_n, down), _row(b_sure_row[cell_b], b_n, 0)
+                sure |= _shared(a_own, own_a, b_sure, sure_b, low, high)
             if sure != 0:
                 _to_front(cells, c)
                 return SETTLED
-            if common != 0:
-                first, last = low, high - np.uint64(1)
-                while a_some[in_a + first] & b_some[in_b + first] == 0:
-                    first += np.uint64(1)
-                while a_some[in_a + last] & b_some[in_b + last] == 0:
-                    last -= np.uint64(1)
-                kept[n, 0], kept[n, 1] = x, y
-                kept[n, 2], kept[n, 3] = first, last + np.uint64(1)
-                if n_words > 1:
-                    kept[n, 2] -= kept[n, 2] % n_words
-                    kept[n, 3] += -kept[n, 3] % n_words
-                n += 1
+            kept[n, 0], kept[n, 1] = x, y
+            kept[n, 2], kept[n, 3] = _span(a_some, some_a, b_some, some_b, low, high, n_words)
+            n += 1
     return n
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _sift_every(
+def _sift_every(  # noqa: C901
+    a_own_row: Int32Array,
     a_own: Words,
+    a_some_row: Int32Array,
     a_some: Words,
+    a_sure_row: Int32Array,
     a_sure: Words,
     a_first: int,
     a_x: int,
     a_y: int,
     a_n: int,
+    b_some_row: Int32Array,
     b_some: Words,
+    b_sure_row: Int32Array,
     b_sure: Words,
     b_first: int,
     b_y: int,
@@ -341,23 +374,64 @@ def _sift_every(
             i, j = x + dx, y + dy
             if i < 0 or j < 0 or i >= a_x or j >= a_y:
                 continue
-            in_a = np.uint64(a_first + (i * a_y + j) * a_n + down)
-            in_b = np.uint64(b_first + (x * b_y + y) * b_n)
+            cell_a, cell_b = a_first + i * a_y + j, b_first + x * b_y + y
+            if a_some_row[cell_a] < 0 or b_some_row[cell_b] < 0:
+                continue
+            some_a, some_b = _row(a_some_row[cell_a], a_n, down), _row(b_some_row[cell_b], b_n, 0)
+            own_a, sure_a = _row(a_own_row[cell_a], a_n, down), _row(a_sure_row[cell_a], a_n, down)
+            sure_b = _row(b_sure_row[cell_b], b_n, 0)
             low, high = -1, -1
             for slab in range(cells[c, 2], cells[c, 3], n_words):
                 for f in range(n_words):
                     w = np.uint64(slab + f)
-                    common = a_some[in_a + w] & b_some[in_b + w] & need[f]
-                    if common != 0:
-                        seen[f] |= common
-                        sure[f] |= (a_sure[in_a + w] & common) | (a_own[in_a + w] & b_sure[in_b + w])
-                        low, high = slab if low < 0 else low, slab
+                    common = a_some[some_a + w] & b_some[some_b + w] & need[f]
+                    if common == 0:
+                        continue
+                    seen[f] |= common
+                    if a_sure_row[cell_a] >= 0:
+                        sure[f] |= a_sure[sure_a + w] & common
+                    if b_sure_row[cell_b] >= 0 and a_own_row[cell_a] >= 0:
+                        sure[f] |= a_own[own_a + w] & b_sure[sure_b + w]
+                    low, high = slab if low < 0 else low, slab
             if low >= 0:
                 kept[n, 0], kept[n, 1], kept[n, 2], kept[n, 3] = x, y, low, high + n_words
                 n += 1
     if _has_all(sure, need):
         return SETTLED
     return n if _has_all(seen, need) else 0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _shared(
+    a: Words, at_a: np.uint64, b: Words, at_b: np.uint64, low: np.uint64, high: np.uint64
+) -> np.uint64:
+    """Bits that two rows have in common over a range of words."""
+    common = np.uint64(0)
+    for w in range(low, high):
+        common |= a[at_a + w] & b[at_b + w]
+    return common
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _span(
+    a: Words, at_a: np.uint64, b: Words, at_b: np.uint64, low: np.uint64, high: np.uint64, n_words: int
+) -> tuple[int, int]:
+    """The range of whole slabs outside which two rows, which do meet, have nothing in common."""
+    one = np.uint64(1)
+    while a[at_a + low] & b[at_b + low] == 0:
+        low += one
+    while a[at_a + high - one] & b[at_b + high - one] == 0:
+        high -= one
+    start, stop = int(low), int(high)
+    if n_words > 1:  # divisions take as long as all the rest
+        start, stop = start - start % n_words, stop + -stop % n_words
+    return start, stop
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _row(row: int, n_words: int, offset: int) -> np.uint64:
+    """Where a row begins; unsigned, or every look would ask whether the index is negative."""
+    return np.uint64(row * n_words + offset)
 
 
 @njit(cache=True, nogil=True, inline="always")

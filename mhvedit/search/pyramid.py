@@ -18,12 +18,16 @@ import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray, Words
+from mhvedit.geometry.uncounted import uncounted
+from mhvedit.search.scratch import Scratch
 from mhvedit.volumes.history import MotionHistoryVolume
 
 TOP = 4  # the coarsest level
 BLOCK = 1 << TOP
 MOMENT_SLAB = 64  # voxels in a slab of a volume of one moment
 SLAB = 8  # voxels in a slab of a volume of several
+LEVELS = np.arange(TOP + 1)[:, None]
+OWN, ANY, ALL = 0, 1, 2  # how cells are pooled: not at all, by OR, by AND
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,11 +47,12 @@ class Columns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pools:
-    """Words of the cells of all levels, one level after the other; level 0 has none."""
+    """Words of those cells of all levels that hold anything; level 0 has none."""
 
-    words: Words  # (N,)
+    words: Words  # (R, S W)
+    row_of: Int32Array  # (N,) index into the words of each cell, one level after the other; -1 where it holds nothing
     first: IntArray  # (TOP + 1,) where a level begins
-    shape: IntArray  # (TOP + 1, 3) X, Y, S W of a level
+    shape: IntArray  # (TOP + 1, 2) cells of a level along x and y
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,9 +79,11 @@ class TurnedColumns:
 
 def level_of(pools: Pools, level: int) -> Words:
     """(X, Y, S W) the words of one level."""
-    shape = pools.shape[level]
-    first = pools.first[level]
-    return pools.words[first : first + shape.prod()].reshape(shape)
+    x, y = pools.shape[level].tolist()
+    rows = pools.row_of[pools.first[level] : pools.first[level] + x * y]
+    words = np.zeros((x * y, pools.words.shape[1]), np.uint64)
+    words[rows >= 0] = pools.words[rows[rows >= 0]]
+    return words.reshape(x, y, -1)
 
 
 def columns_of(volume: MotionHistoryVolume) -> Columns:
@@ -103,85 +110,65 @@ def pyramid_of(volume: MotionHistoryVolume) -> Pyramid:
     low = columns.start - start
     high = low + columns.column_of.shape
     column_of[low[0] : high[0], low[1] : high[1]] = columns.column_of
-    own, every = _pools(column_of, columns.words), _pools_of_all(column_of, columns.every)
-    starts = np.array([(start >> level) - 1 for level in range(TOP + 1)])
-    return Pyramid(columns, _beside(own), _four(own, every=False), _four(every, every=True), starts)
+    some, every = _pools(column_of, columns, Scratch())
+    own, four, sure = (
+        _fours(pools, Scratch(), grown=1, how=how) for pools, how in ((some, OWN), (some, ANY), (every, ALL))
+    )
+    return Pyramid(columns, own, four, sure, (start >> LEVELS) - 1)
 
 
-def turned(columns: Columns, yaw: float) -> TurnedColumns:
+def turned(columns: Columns, yaw: float, scratch: Scratch | None = None) -> TurnedColumns:
     """Turn a volume about z.
 
     Args:
         columns: of the volume.
         yaw: rad, counter-clockwise.
+        scratch: to lay the result into; what was laid there before is lost.
     """
+    scratch = scratch or Scratch()
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = columns.outline.T if len(columns.outline) else np.zeros((2, 1))
     xy = np.stack([c * x - s * y, s * x + c * y])
     low, high = np.floor(xy.min(1) - 1).astype(np.int64), np.ceil(xy.max(1) + 2).astype(np.int64)
     start, shape = _aligned(low, tuple(high - low))
-    column_of = _turned_columns(columns.column_of, columns.start, c, s, start, shape[0], shape[1])
-    starts = np.array([start >> level for level in range(TOP + 1)])
-    some, every = _pools(column_of, columns.words), _pools_of_all(column_of, columns.every)
-    return TurnedColumns(columns, column_of, some, _four_before(every), starts)
+    column_of = scratch.array("columns", (int(shape[0]), int(shape[1])), np.int32)
+    _turn(columns.column_of, columns.start, c, s, start, column_of)
+    some, every = _pools(column_of, columns, scratch)
+    return TurnedColumns(columns, column_of, some, _fours(every, scratch, grown=0, how=ALL), start >> LEVELS)
 
 
-def _pools(column_of: Int32Array, words: Words) -> Pools:
-    """Words of some column of each cell."""
-    out = _blank(column_of, words)
-    _pool_columns(column_of, words, level_of(out, 1))
-    for level in range(2, TOP + 1):
-        _pool(level_of(out, level - 1), level_of(out, level))
-    return out
+def _pools(column_of: Int32Array, columns: Columns, scratch: Scratch) -> tuple[Pools, Pools]:
+    """Words of some column of each cell, and words of every column of it."""
+    shape = np.array(column_of.shape) >> LEVELS
+    some, every = (_blank(shape, columns.words.shape[1], scratch, name) for name in ("some", "every"))
+    n_some, n_every = _pool(
+        column_of, columns.words, columns.every,
+        some.first, some.shape, some.row_of, some.words, every.row_of, every.words,
+    )  # fmt: skip
+    return _cut(some, n_some), _cut(every, n_every)
 
 
-def _pools_of_all(column_of: Int32Array, words: Words) -> Pools:
-    """Words of every column of each cell."""
-    out = _blank(column_of, words)
-    _pool_all_columns(column_of, words, level_of(out, 1))
-    for level in range(2, TOP + 1):
-        _pool_all(level_of(out, level - 1), level_of(out, level))
-    return out
+def _fours(pools: Pools, scratch: Scratch, *, grown: int, how: int) -> Pools:
+    """Each cell with the one before along x, y and both, on levels that may be larger by a cell."""
+    out = _blank(pools.shape + grown, pools.words.shape[1], scratch, "fours")
+    rows = _pool_fours(
+        pools.first, pools.shape, pools.row_of, pools.words, how, out.first, out.shape, out.row_of, out.words
+    )
+    return _cut(out, rows)
 
 
-def _blank(column_of: Int32Array, words: Words) -> Pools:
-    shape = [(column_of.shape[0] >> level, column_of.shape[1] >> level, words.shape[1]) for level in range(TOP + 1)]
-    return _of_shape(np.array([(0, 0, words.shape[1]), *shape[1:]]))
+def _blank(shape: IntArray, n_words: int, scratch: Scratch, name: str) -> Pools:
+    """Pools with room for all cells."""
+    shape = np.where(LEVELS > 0, shape, 0)
+    ends = np.cumsum(shape[:, 0] * shape[:, 1])
+    words = scratch.array(f"{name}, words", (int(ends[-1]), n_words), np.uint64)
+    row_of = scratch.array(f"{name}, rows", (int(ends[-1]),), np.int32)
+    return Pools(words, row_of, np.append(0, ends[:-1]), shape)
 
 
-def _of_shape(shape: IntArray) -> Pools:
-    ends = np.cumsum(shape.prod(1))
-    return Pools(np.zeros(ends[-1], np.uint64), np.append(0, ends[:-1]), shape)
-
-
-def _grown(pools: Pools) -> Pools:
-    """Empty pools with one cell more at the low x and y sides of each level."""
-    shape = pools.shape + np.array([1, 1, 0])
-    shape[0] = pools.shape[0]
-    return _of_shape(shape)
-
-
-def _beside(pools: Pools) -> Pools:
-    out = _grown(pools)
-    for level in range(1, TOP + 1):
-        level_of(out, level)[1:, 1:] = level_of(pools, level)
-    return out
-
-
-def _four(pools: Pools, *, every: bool) -> Pools:
-    """Each cell with the next along x, y and both."""
-    out = _grown(pools)
-    for level in range(1, TOP + 1):
-        _pool_four(level_of(pools, level), every, level_of(out, level))
-    return out
-
-
-def _four_before(pools: Pools) -> Pools:
-    """Each cell with the one before along x, y and both."""
-    out = _of_shape(pools.shape)
-    for level in range(1, TOP + 1):
-        _pool_four(level_of(pools, level), True, level_of(out, level))
-    return out
+def _cut(pools: Pools, n_rows: int) -> Pools:
+    """Pools without the room that was not needed."""
+    return Pools(pools.words[:n_rows], pools.row_of, pools.first, pools.shape)
 
 
 def _aligned(start: IntArray, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
@@ -240,76 +227,117 @@ def _stacked(frames: Words, cells: Int32Array, low: int, n_slabs: int) -> tuple[
 
 
 @njit(cache=True, nogil=True)
-def _turned_columns(
-    column_of: Int32Array, start: IntArray, c: float, s: float, first: IntArray, n_x: int, n_y: int
-) -> Int32Array:
-    out = np.full((n_x, n_y), -1, np.int32)
+def _turn(column_of: Int32Array, start: IntArray, c: float, s: float, first: IntArray, out: Int32Array) -> None:
+    """The column that each turned column's centre falls into."""
     last_u, last_v = column_of.shape[0], column_of.shape[1]
     start_u, start_v = start
-    for i in range(n_x):
+    for i in range(out.shape[0]):
         x = float(first[0] + i)
-        for j in range(n_y):
+        for j in range(out.shape[1]):
             y = float(first[1] + j)
             u = int(np.floor(c * x + s * y + 0.5)) - start_u
             v = int(np.floor(c * y - s * x + 0.5)) - start_v
-            if 0 <= u < last_u and 0 <= v < last_v:
-                out[i, j] = column_of[np.uint64(u), np.uint64(v)]
-    return out
+            inside = 0 <= u < last_u and 0 <= v < last_v
+            out[i, j] = column_of[np.uint64(u), np.uint64(v)] if inside else np.int32(-1)
 
 
 @njit(cache=True, nogil=True)
-def _pool_columns(column_of: Int32Array, words: Words, out: Words) -> None:
-    for x in range(column_of.shape[0]):
-        for y in range(column_of.shape[1]):
-            column = column_of[x, y]
-            if column >= 0:
-                for w in range(words.shape[1]):
-                    out[x >> 1, y >> 1, w] |= words[column, w]
-
-
-@njit(cache=True, nogil=True)
-def _pool_all_columns(column_of: Int32Array, words: Words, out: Words) -> None:
-    for x in range(out.shape[0]):
-        for y in range(out.shape[1]):
+def _pool(
+    column_of: Int32Array,
+    words: Words,
+    every_word: Words,
+    first: IntArray,
+    shape: IntArray,
+    some_row: Int32Array,
+    some: Words,
+    every_row: Int32Array,
+    every: Words,
+) -> tuple[int, int]:
+    """Pool columns by two and two, and the cells again; how many rows there are of either kind."""
+    words, every_word = uncounted(words), uncounted(every_word)
+    some, every = uncounted(some), uncounted(every)
+    n, m = 0, 0
+    for x in range(shape[1, 0]):
+        for y in range(shape[1, 1]):
             a, b = column_of[2 * x, 2 * y], column_of[2 * x, 2 * y + 1]
             c, d = column_of[2 * x + 1, 2 * y], column_of[2 * x + 1, 2 * y + 1]
-            if a >= 0 and b >= 0 and c >= 0 and d >= 0:
-                for w in range(out.shape[2]):
-                    out[x, y, w] = words[a, w] & words[b, w] & words[c, w] & words[d, w]
+            cell = x * shape[1, 1] + y
+            some_row[cell] = n if _any_of(a, b, c, d, words, some, n) else -1
+            n += some_row[cell] >= 0
+            every_row[cell] = m if _all_of(a, b, c, d, every_word, every, m) else -1
+            m += every_row[cell] >= 0
+    for level in range(2, TOP + 1):
+        fine, n_fine = first[level - 1], shape[level - 1, 1]
+        for x in range(shape[level, 0]):
+            for y in range(shape[level, 1]):
+                at = fine + 2 * x * n_fine + 2 * y
+                cell = first[level] + x * shape[level, 1] + y
+                a, b, c, d = some_row[at], some_row[at + 1], some_row[at + n_fine], some_row[at + n_fine + 1]
+                some_row[cell] = n if _any_of(a, b, c, d, some, some, n) else -1
+                n += some_row[cell] >= 0
+                a, b, c, d = every_row[at], every_row[at + 1], every_row[at + n_fine], every_row[at + n_fine + 1]
+                every_row[cell] = m if _all_of(a, b, c, d, every, every, m) else -1
+                m += every_row[cell] >= 0
+    return n, m
 
 
 @njit(cache=True, nogil=True)
-def _pool(fine: Words, out: Words) -> None:
-    for x in range(out.shape[0]):
-        for y in range(out.shape[1]):
-            for w in range(out.shape[2]):
-                low = fine[2 * x, 2 * y, w] | fine[2 * x, 2 * y + 1, w]
-                out[x, y, w] = low | fine[2 * x + 1, 2 * y, w] | fine[2 * x + 1, 2 * y + 1, w]
+def _pool_fours(
+    first: IntArray,
+    shape: IntArray,
+    row_of: Int32Array,
+    words: Words,
+    how: int,
+    out_first: IntArray,
+    out_shape: IntArray,
+    out_row: Int32Array,
+    out: Words,
+) -> int:
+    """Cell (x, y) of `out` takes cells x - 1, x by y - 1, y, or the first of these alone; how many rows there are."""
+    words, out = uncounted(words), uncounted(out)
+    n = 0
+    for level in range(1, TOP + 1):
+        n_x, n_y = shape[level]
+        for x in range(out_shape[level, 0]):
+            for y in range(out_shape[level, 1]):
+                at = first[level] + (x - 1) * n_y + y - 1
+                low_x, low_y, high_x, high_y = x > 0, y > 0, x < n_x, y < n_y
+                a = row_of[at] if low_x and low_y else -1
+                b = row_of[at + 1] if low_x and high_y else -1
+                c = row_of[at + n_y] if high_x and low_y else -1
+                d = row_of[at + n_y + 1] if high_x and high_y else -1
+                if how == ALL:
+                    there = _all_of(a, b, c, d, words, out, n)
+                elif how == ANY:
+                    there = _any_of(a, b, c, d, words, out, n)
+                else:
+                    there = _any_of(a, -1, -1, -1, words, out, n)
+                out_row[out_first[level] + x * out_shape[level, 1] + y] = n if there else -1
+                n += there
+    return n
 
 
-@njit(cache=True, nogil=True)
-def _pool_all(fine: Words, out: Words) -> None:
-    for x in range(out.shape[0]):
-        for y in range(out.shape[1]):
-            for w in range(out.shape[2]):
-                low = fine[2 * x, 2 * y, w] & fine[2 * x, 2 * y + 1, w]
-                out[x, y, w] = low & fine[2 * x + 1, 2 * y, w] & fine[2 * x + 1, 2 * y + 1, w]
+@njit(cache=True, nogil=True, inline="always")
+def _any_of(a: int, b: int, c: int, d: int, words: Words, out: Words, n: int) -> bool:
+    """Pool up to four rows by OR into another; whether there are any (-1: none)."""
+    some = max(a, b, c, d)
+    if some < 0:
+        return False
+    a, b, c, d = a if a >= 0 else some, b if b >= 0 else some, c if c >= 0 else some, d if d >= 0 else some
+    of_a, of_b, of_c, of_d, into = words[a], words[b], words[c], words[d], out[n]
+    for w in range(into.shape[0]):
+        into[w] = of_a[w] | of_b[w] | of_c[w] | of_d[w]
+    return True
 
 
-@njit(cache=True, nogil=True)
-def _pool_four(pooled: Words, every: bool, out: Words) -> None:
-    """Cell (x, y) of `out` pools cells x - 1, x by y - 1, y; outside is nothing."""
-    n_x, n_y, n_words = pooled.shape
-    for x in range(out.shape[0]):
-        for y in range(out.shape[1]):
-            i0, j0 = x - 1, y - 1
-            if every:
-                if i0 >= 0 and j0 >= 0 and i0 + 1 < n_x and j0 + 1 < n_y:
-                    for w in range(n_words):
-                        low = pooled[i0, j0, w] & pooled[i0, j0 + 1, w]
-                        out[x, y, w] = low & pooled[i0 + 1, j0, w] & pooled[i0 + 1, j0 + 1, w]
-            else:
-                for i in range(max(i0, 0), min(i0 + 2, n_x)):
-                    for j in range(max(j0, 0), min(j0 + 2, n_y)):
-                        for w in range(n_words):
-                            out[x, y, w] |= pooled[i, j, w]
+@njit(cache=True, nogil=True, inline="always")
+def _all_of(a: int, b: int, c: int, d: int, words: Words, out: Words, n: int) -> bool:
+    """Pool four rows by AND into another; whether they have anything in common."""
+    if min(a, b, c, d) < 0:
+        return False
+    of_a, of_b, of_c, of_d, into = words[a], words[b], words[c], words[d], out[n]
+    common = np.uint64(0)
+    for w in range(into.shape[0]):
+        into[w] = of_a[w] & of_b[w] & of_c[w] & of_d[w]
+        common |= into[w]
+    return bool(common != 0)

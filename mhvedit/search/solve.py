@@ -5,14 +5,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
-from mhvedit.constraints.clauses import Clause, Meeting, Option
+from mhvedit.constraints.clauses import Clause, Option
 from mhvedit.constraints.dictionary import ever
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.search.meet import meets
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.pyramid import Columns, Pyramid, TurnedColumns, columns_of, pyramid_of, turned
+from mhvedit.search.scratch import Scratch
 from mhvedit.search.sight import MutualSight, a_sees_b, b_sees_a
 from mhvedit.volumes.history import MotionHistoryVolume
 
@@ -86,10 +88,14 @@ def search_poses(
     bunches = [range(k, min(k + BUNCH, grid.n_yaw)) for k in range(0, grid.n_yaw, BUNCH)]
 
     def decide(bunch: range) -> None:
-        found = [
-            _reasons_at(grid, clauses, sight, prepared, k, None if among is None else among[:, :, k]) for k in bunch
-        ]
-        reason[:, :, bunch.start : bunch.stop] = np.stack(found, axis=-1)
+        desk = _Desk(prepared)
+        found = np.empty((len(bunch), grid.size, grid.size), np.uint8)
+        alive = np.stack([grid.inside(k) for k in bunch])
+        if among is not None:
+            _keep_those(among[:, :, bunch.start : bunch.stop], alive)
+        for n, k in enumerate(bunch):
+            _mark_reasons(grid, clauses, sight, desk, k, alive[n], found[n])
+        _lay_beside(found, reason[:, :, bunch.start : bunch.stop])
 
     with ThreadPoolExecutor(workers) as pool:
         for done, _ in enumerate(pool.map(decide, bunches), start=1):
@@ -113,73 +119,98 @@ def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
     return _Prepared(resting, columns, turned(columns_of(ever(sight.a)), 0.0), columns_of(ever(sight.b)))
 
 
-def _reasons_at(
+class _Desk:
+    """What one thread works with at one yaw after another."""
+
+    def __init__(self, prepared: _Prepared) -> None:
+        self.prepared = prepared
+        self.scratch = Scratch()
+        self._of_turns: dict[int, Scratch] = {}
+        self._turned: dict[int, TurnedColumns] = {}
+        self._yaw = np.nan
+
+    def turned(self, volume: MotionHistoryVolume, yaw: float) -> TurnedColumns:
+        """A volume turned about z; those turned by another yaw are lost."""
+        if yaw != self._yaw:
+            self._yaw, self._turned = yaw, {}
+        key = id(volume)
+        if key not in self._turned:
+            space = self._of_turns.setdefault(key, Scratch())
+            self._turned[key] = turned(self.prepared.columns[key], yaw, space)
+        return self._turned[key]
+
+
+def _mark_reasons(
     grid: PoseGrid,
     clauses: Sequence[Clause],
     sight: SightTest | None,
-    prepared: _Prepared,
+    desk: _Desk,
     k: int,
-    among: BoolArray | None,
-) -> ByteArray:
-    """(size, size) reasons at one yaw."""
-    alive = grid.inside(k) if among is None else grid.inside(k) & among
-    reason = np.where(alive, ACCEPTED, OUTSIDE).astype(np.uint8)
-    turned_b: dict[int, TurnedColumns] = {}
+    alive: BoolArray,
+    reason: ByteArray,
+) -> None:
+    """Find the (size, size) reasons at one yaw, of the poses that are to be tested."""
+    reason[:] = OUTSIDE
+    reason[alive] = ACCEPTED
     for number, clause in enumerate(clauses, start=len(BASE_REASONS)):
         if not alive.any():
-            return reason
-        passed = np.zeros_like(alive)
-        for option in clause.options:
-            passed |= _passes(option, alive & ~passed, prepared, turned_b, grid, k)
+            return
+        passed = _passing(clause.options[0], alive.copy(), desk, grid, k)
+        for option in clause.options[1:]:
+            passed |= _passing(option, alive & ~passed, desk, grid, k)
         reason[alive & ~passed] = number
         alive = passed
     if sight is not None and alive.any():
-        _mark_unseen(reason, alive, sight.cones, prepared, grid, k, len(BASE_REASONS) + len(clauses))
-    return reason
+        _mark_unseen(reason, alive, sight.cones, desk, grid, k, len(BASE_REASONS) + len(clauses))
 
 
-def _passes(
-    option: Option,
-    asked: BoolArray,
-    prepared: _Prepared,
-    turned_b: dict[int, TurnedColumns],
-    grid: PoseGrid,
-    k: int,
-) -> BoolArray:
-    """Of the poses asked for, those at which an option holds."""
-    passed = asked
-    for meeting in option.must:
-        passed = passed & _where_met(meeting, passed, prepared, turned_b, grid, k)
-    for meeting in option.never:
-        passed = passed & ~_where_met(meeting, passed, prepared, turned_b, grid, k)
-    return passed
-
-
-def _where_met(
-    meeting: Meeting,
-    asked: BoolArray,
-    prepared: _Prepared,
-    turned_b: dict[int, TurnedColumns],
-    grid: PoseGrid,
-    k: int,
-) -> BoolArray:
-    if not asked.any():
-        return asked
-    b = id(meeting.b)
-    if b not in turned_b:
-        turned_b[b] = turned(prepared.columns[b], float(grid.yaws[k]))
-    resting = prepared.resting[id(meeting.a)]
-    return meets(resting, turned_b[b], base=grid.base[k], stride=grid.stride, asked=asked, every=meeting.every)
+def _passing(option: Option, asked: BoolArray, desk: _Desk, grid: PoseGrid, k: int) -> BoolArray:
+    """Of the poses asked for, those at which an option holds; overwrites what was asked."""
+    for meeting, wanted in [(meeting, True) for meeting in option.must] + [(m, False) for m in option.never]:
+        if not asked.any():
+            break
+        b = desk.turned(meeting.b, float(grid.yaws[k]))
+        met = meets(
+            desk.prepared.resting[id(meeting.a)],
+            b,
+            base=grid.base[k],
+            stride=grid.stride,
+            asked=asked,
+            every=meeting.every,
+            scratch=desk.scratch,
+        )
+        np.equal(met, wanted, out=met)
+        asked &= met
+    return asked
 
 
 def _mark_unseen(
-    reason: ByteArray, alive: BoolArray, cones: MutualSight, prepared: _Prepared, grid: PoseGrid, k: int, number: int
+    reason: ByteArray, alive: BoolArray, cones: MutualSight, desk: _Desk, grid: PoseGrid, k: int, number: int
 ) -> None:
     """Reject the poses at which one does not see the other."""
-    assert prepared.seen_a is not None and prepared.seen_b is not None
+    seen_a, seen_b = desk.prepared.seen_a, desk.prepared.seen_b
+    assert seen_a is not None and seen_b is not None
     yaw = float(grid.yaws[k])
     where = {"base": grid.base[k], "step": grid.step, "pitch": grid.step / grid.stride}
-    seen = a_sees_b(cones.a, turned(prepared.seen_b, yaw), asked=alive, **where)
-    back = b_sees_a(cones.b, prepared.seen_a, yaw, asked=seen, **where)
+    seen = a_sees_b(cones.a, turned(seen_b, yaw), asked=alive, **where)
+    back = b_sees_a(cones.b, seen_a, yaw, asked=seen, **where)
     reason[alive & ~seen] = number
     reason[seen & ~back] = number + 1
+
+
+@njit(cache=True, nogil=True)
+def _keep_those(among: BoolArray, alive: BoolArray) -> None:
+    """Drop from (K, X, Y) what is not in (X, Y, K)."""
+    for x in range(among.shape[0]):
+        for y in range(among.shape[1]):
+            for k in range(among.shape[2]):
+                alive[k, x, y] &= among[x, y, k]
+
+
+@njit(cache=True, nogil=True)
+def _lay_beside(found: ByteArray, out: ByteArray) -> None:
+    """Maps one behind the other, (K, X, Y), as the columns of one: (X, Y, K)."""
+    for x in range(out.shape[0]):
+        for y in range(out.shape[1]):
+            for k in range(out.shape[2]):
+                out[x, y, k] = found[k, x, y]

@@ -69,9 +69,19 @@ class BodyTrack:
 
     numbers: IntArray  # (T,) frame numbers
     places: FloatArray  # (T, J, 3) m, joints
-    head: FloatArray  # (T, 3, 3) axes of the head: front, left, up in the columns
+    rotations: FloatArray  # (T, J, 3, 3) axes of the joints: front, left, up in the columns where the adult stands
     misfit: FloatArray  # (T,) m^2, mean robust squared distance and bending beyond the joints' range
-    size: FloatArray  # (T,) scale against the plain adult
+    shape: FloatArray  # (T, 2) logarithms of scale and stoutness against the plain adult
+
+    @property
+    def head(self) -> FloatArray:
+        """(T, 3, 3) axes of the head: front, left, up in the columns."""
+        return self.rotations[:, NECK]
+
+    @property
+    def size(self) -> FloatArray:
+        """(T,) scale against the plain adult."""
+        return np.asarray(np.exp(self.shape[:, 0]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,7 +289,7 @@ def _in_capture(model: BodyModel, numbers: IntArray, way: list[_Candidate], own_
     capture_from_own = invert(own_from_capture)
     turn = rotation_from_vector(np.array([0.0, 0.0, capture_from_own[2]]))
     places = np.array([joint_places(model, candidate.pose) for candidate in way])
-    head = np.array([turn @ candidate.pose.rotations[NECK] for candidate in way])
-    size = np.exp([candidate.pose.shape[0] for candidate in way])
+    rotations = np.array([turn @ candidate.pose.rotations for candidate in way])
+    shape = np.array([candidate.pose.shape for candidate in way])
     misfit = np.array([candidate.energy for candidate in way])
-    return BodyTrack(numbers, apply_pose(capture_from_own, places), head, misfit, size)
+    return BodyTrack(numbers, apply_pose(capture_from_own, places), rotations, misfit, shape)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.axes import check_axes, to_metres_z_up
 from mhvedit.sequences.meshes import JointTracks
@@ -36,13 +37,45 @@ def read_bvh(path: Path | str, *, units: str = "m", up: str = "z") -> BvhMotion:
     """
     check_axes(units, up)
     text = read_bvh_text(path)
-    placed = to_metres_z_up(_global_positions(text), units=units, up=up)
+    placed = to_metres_z_up(_global_frames(text)[1], units=units, up=up)
     tracks = JointTracks(np.arange(len(placed)), tuple(joint.name for joint in text.joints), placed)
     return BvhMotion(tracks, tuple(joint.parent for joint in text.joints), text.fps)
 
 
-def _global_positions(text: BvhText) -> FloatArray:
-    """(T, J, 3) positions in the axes and units of the file."""
+@dataclass(frozen=True, slots=True, eq=False)
+class JointMotion:
+    """The frame of one joint through a motion: p_world = rotations @ p_joint + positions."""
+
+    rotations: FloatArray  # (T, 3, 3)
+    positions: FloatArray  # (T, 3) m, z up
+    fps: float  # Hz
+
+
+def read_joint_motion(path: Path | str, *, joint: str | None = None, units: str = "m", up: str = "z") -> JointMotion:
+    """Read how one joint of a BVH file moves and turns.
+
+    Args:
+        path: the .bvh file.
+        joint: its name; None for the root.
+        units: m, cm or mm of offsets and positions.
+        up: x, y or z: the axis that points up. The joint's own axes are brought to z up likewise.
+
+    Raises:
+        CaptureError: naming the line, what was expected and what is there; or there is no such joint.
+    """
+    check_axes(units, up)
+    text = read_bvh_text(path)
+    names = [each.name for each in text.joints]
+    if joint is not None and joint not in names:
+        raise CaptureError(path, f"a joint {joint!r}", f"{', '.join(names)}")
+    j = 0 if joint is None else names.index(joint)
+    turns, places = _global_frames(text)
+    axes = to_metres_z_up(np.eye(3), units="m", up=up).T  # z-up from the file's axes
+    return JointMotion(axes @ turns[:, j] @ axes.T, to_metres_z_up(places[:, j], units=units, up=up), text.fps)
+
+
+def _global_frames(text: BvhText) -> tuple[FloatArray, FloatArray]:
+    """Rotations (T, J, 3, 3) and positions (T, J, 3) in the axes and units of the file."""
     turns, places = local_frames(text)
     positions = places.copy()
     for j, joint in enumerate(text.joints):
@@ -50,7 +83,7 @@ def _global_positions(text: BvhText) -> FloatArray:
             up = joint.parent
             positions[:, j] = positions[:, up] + (turns[:, up] @ places[:, j, :, None])[..., 0]
             turns[:, j] = turns[:, up] @ turns[:, j]
-    return positions
+    return turns, positions
 
 
 def local_frames(text: BvhText) -> tuple[FloatArray, FloatArray]:

@@ -1,12 +1,12 @@
 """The text of BVH files: any channel order, parsed with line numbers, and written back line by line."""
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mhvedit.errors import CaptureError
+from mhvedit.files import replacing
 from mhvedit.geometry.arrays import FloatArray
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
@@ -59,14 +59,9 @@ def read_bvh_text(path: Path | str) -> BvhText:
 
 def write_bvh_text(path: Path | str, text: BvhText) -> None:
     """Write a BVH file: beside, then renamed."""
-    path = Path(path)
     lines = [*text.head, f"Frames: {len(text.rows)}", f"Frame Time: {text.seconds}", *text.rows]
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(Path(path)) as beside:
         beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def _hierarchy(path: Path, lines: list[str]) -> tuple[list[BvhJoint], int]:

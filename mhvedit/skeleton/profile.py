@@ -4,7 +4,6 @@ Five comment lines, the time between frames, the number of frames, and a line of
 positions, three global rotations and 49 joints, in rad.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from mhvedit.errors import CaptureError, ShapeError
+from mhvedit.files import replacing
 from mhvedit.geometry.arrays import FloatArray
 
 DOFS: Final = 55
@@ -71,16 +71,11 @@ def read_profile(path: Path | str, *, thesis_compat: bool = False) -> JointProfi
 
 def write_profile(path: Path | str, profile: JointProfile) -> None:
     """Write a joint profile: six decimals, tabs, no trailing tab (B8.1); written beside, then renamed."""
-    path = Path(path)
     q = profile.q.copy()
     q[:, :3] += profile.origin
     rows = ["\t".join(f"{value:.6f}" for value in row) for row in q]
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(Path(path)) as beside:
         beside.write_text("\n".join([*HEADER, f"{profile.seconds:.6f}", str(len(q)), *rows]) + "\n", encoding="utf-8")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def profile_from_splines(

@@ -3,7 +3,6 @@
 A posed vertex is sum_j w_j (R_j (v - rest_j) + p_j), with the weights exactly as the file has them.
 """
 
-import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mhvedit.errors import CaptureError, ShapeError
+from mhvedit.files import replacing
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
 from mhvedit.skeleton.dofs import body_skeleton, dofs_from_frames
 from mhvedit.skeleton.forward import joint_frames
@@ -94,15 +94,9 @@ def write_skinned(path: Path | str, skinned: SkinnedMotion, motion: Motion) -> N
         skinned: what was read.
         motion: as many frames as it had, or another number.
     """
-    path = Path(path)
     arrays: dict[str, Any] = {**skinned.stored, **_stored_frames(skinned, motion)}
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(Path(path)) as beside, beside.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def posed_vertices(body: SkinnedBody, q: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from mhvedit.search.solve import ReasonMap
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.view.charts import SceneCheck
 from mhvedit.view.placement import MapSummary
+from mhvedit.view.skeletons import FittedStory
 from mhvedit.volumes.history import MotionHistoryVolume
 
 
@@ -62,6 +63,7 @@ class CaptureStory:
     gaze: str = ""
     gaze_trust: float | None = None  # 0 .. 1
     notes: Sequence[str] = ()
+    fitted: FittedStory | None = None  # where a skeleton was fitted and the capture repaired
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,7 +21,8 @@ from mhvedit.view.studio import empty_stage, framing, studio, take_picture
 from mhvedit.view.style import INK, MUTED, OK, SUBJECTS, TEXT, WARNING, dress, figure_picture, new_figure
 
 SIZE = (420, 460)  # pixels of one picture
-LOOK = np.array([0.75, 0.9, -0.25])  # from the eye to the body: from its front left
+LOOK = np.array([0.75, 0.9, -0.25])  # from the eye to the body, where no side is better than another
+IN_THE_MIDDLE = 0.02  # m: limbs that collide are on neither side
 WORDS = {
     "frames": "Frames",
     "colliding_before": "Colliding frames before",
@@ -109,10 +110,10 @@ def posture_strips(story: PostureStory) -> list[Picture]:
     numbers = ", ".join(map(str, story.frames))
     with studio(*SIZE) as plotter:
         rows = []
+        looks = [_look(story, v, c) for v, c in zip(story.before, story.coloured_before, strict=True)]
         for vertices, coloured in ((story.before, story.coloured_before), (story.after, story.coloured_after)):
-            rows.append(
-                np.concatenate([_body(plotter, story, v, c) for v, c in zip(vertices, coloured, strict=True)], 1)
-            )
+            drawn = zip(vertices, coloured, looks, strict=True)
+            rows.append(np.concatenate([_body(plotter, story, v, c, look) for v, c, look in drawn], 1))
     return [
         as_picture(row, f"The body {words} in frames {numbers}", f"{words.capitalize()}: frames {numbers}.")
         for row, words in zip(rows, ("as captured", "as edited"), strict=True)
@@ -138,14 +139,25 @@ def depth_chart(story: PostureStory) -> Figure:
     return figure
 
 
-def _body(plotter: pyvista.Plotter, story: PostureStory, vertices: FloatArray, coloured: BoolArray) -> ByteArray:
+def _look(story: PostureStory, vertices: FloatArray, coloured: BoolArray) -> FloatArray:
+    """(3,) from the eye to the body: from the side on which limbs collide, a little from above."""
+    if not coloured.any():
+        return LOOK
+    side = (vertices[story.faces[coloured]].mean((0, 1)) - vertices.mean(0))[:2]
+    length = float(np.linalg.norm(side))
+    return LOOK if length < IN_THE_MIDDLE else np.array([*(-side / length * np.hypot(*LOOK[:2])), LOOK[2]])
+
+
+def _body(
+    plotter: pyvista.Plotter, story: PostureStory, vertices: FloatArray, coloured: BoolArray, look: FloatArray
+) -> ByteArray:
     """One picture."""
     empty_stage(plotter)
     middle = vertices.mean(0) * np.array([1.0, 1.0, 0.0])
     add_floor(plotter, middle[:2], [vertices])
     add_person(plotter, Mesh(vertices, story.faces[~coloured]), SUBJECTS[0])
     add_person(plotter, Mesh(vertices, story.faces[coloured]), SUBJECTS[1])
-    return take_picture(plotter, framing(vertices, LOOK, aspect=SIZE[0] / SIZE[1]))
+    return take_picture(plotter, framing(vertices, look, aspect=SIZE[0] / SIZE[1]))
 
 
 def _verdict(story: PostureStory) -> str:

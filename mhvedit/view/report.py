@@ -14,6 +14,7 @@ from mhvedit.view import markup
 from mhvedit.view.charts import cost_bars, over_time, trajectories
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory
 from mhvedit.view.placement import MapSummary, ShownBodies, placement_map, summarise
+from mhvedit.view.skeletons import fitted_strip
 from mhvedit.view.story_pictures import ReportPictures, StoryPictures, as_picture, draw_pictures
 from mhvedit.view.style import figure_picture
 from mhvedit.view.words import (
@@ -34,6 +35,7 @@ MAP_WORDS = (
     "Light: nobody can; the colour is the last constraint that stood in the way of the best facing. "
     "The dial counts all facings that fit; the arrow is the chosen one."
 )
+FITTED_WORDS = "The fitted skeleton over the repaired capture; titles of edited frames are orange."
 COST_WORDS = "How far the edit departs from how people moved and faced; 0 is no change."
 
 
@@ -279,7 +281,10 @@ def _capture(story: CaptureStory) -> str:
         rows += _row("facing", escape(story.facing)) + _row("trust in it", markup.trust(story.facing_trust))
     if story.gaze:
         rows += _row("gaze", escape(story.gaze)) + _row("trust in it", markup.trust(story.gaze_trust))
-    return markup.panel(f"<table><tbody>{rows}</tbody></table>" + markup.bullets(story.notes), story.name)
+    inner = f"<table><tbody>{rows}</tbody></table>" + markup.bullets(story.notes)
+    if story.fitted is not None:
+        inner += chart(fitted_strip(story.fitted), f"skeleton fitted to {story.name}", FITTED_WORDS)
+    return markup.panel(inner, story.name)
 
 
 def _row(name: str, value: str) -> str:

@@ -38,24 +38,25 @@ def decided(scene: SceneFile, decisions: Decisions) -> SceneFile:
     return replace(scene, segments=tuple(_with(spec, decisions[spec.name]) for spec in scene.segments))
 
 
-def changes_for(on_disk: SceneFile, sides: tuple[str, str], decisions: Decisions) -> dict[Place, Setting]:
+def changes_for(on_disk: SceneFile, told: SceneFile, decisions: Decisions) -> dict[Place, Setting]:
     """What to change in a scene file so that it says what was decided.
 
     Args:
         on_disk: the scene file, as `load_scene` reads it now.
-        sides: A and B of the scene.
+        told: the scene that the decisions are about, from whose sides they are told.
         decisions: by segment.
 
     Raises:
         SceneError: a segment is no longer in the file.
     """
     specs = {spec.name: spec for spec in on_disk.segments}
+    sides = {spec.name: spec.between for spec in told.segments}
     changes: dict[Place, Setting] = {}
     for name, decision in decisions.items():
         if name not in specs:
             raise SceneError(on_disk.file, "segments", f'the segment "{name}", which was there', ", ".join(specs))
         spec = specs[name]
-        own = decision if spec.between == sides else _mirrored(decision)
+        own = decision if spec.between == sides[name] else _mirrored(decision)
         changes |= {("segments", spec.index, *place): value for place, value in _differences(_decision(spec), own)}
     return changes
 

@@ -18,12 +18,14 @@ from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
 from mhvedit.search.groups import SolutionGroup
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import OUTSIDE, ReasonMap
+from mhvedit.sequences.align import TimeLine
 from mhvedit.sequences.meshes import Gaze, MeshSequence
 from mhvedit.view.words import FIRST, LAST
 from mhvedit.volumes.parts import OwnMesh
 
 UNSOLVED = "not solved yet: people stand where their captures begin, apart from each other"
 AT_FIRST = 1.6  # m from A, ahead of her, where B stands before anything is known
+ASIDE = 2.0  # m between people who have nothing to do with each other, before anything is known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,26 +188,37 @@ def assembled(
         return Material(
             edit.name, edit.fps, edit.n_frames, edit.subjects, cast, segments, edit.segments, placed=True, notes=notes
         )
-    stretches = lay_out(job.scene, people, job.fps)
-    a, b = job.scene.segments[0].between
-    shown = {index: view.captured(best_guess(view)) for index, view in enumerate(segments)}
-    opposite = _opposite(people[a], people[b])
-    spans, relatives = [], []
-    last = shown.get(0, opposite)
-    for stretch in stretches:
-        if stretch.segment is not None:
-            last = shown.get(stretch.segment, opposite)
-            spec = job.scene.segments[stretch.segment]
-            spans.append(
-                SegmentEdit(spec.name, stretch.start, stretch.stop, spec.interaction.value, (a, b), 0, 0, 0, last)
-            )
-        relatives.append(np.tile(last, (stretch.pair.n_frames, 1)))
-    relative = np.concatenate(relatives)
-    sources = [np.concatenate([getattr(s.pair, side) for s in stretches]) for side in ("a", "b")]
-    tracks = {a: SubjectEdit(sources[0], np.zeros_like(relative)), b: SubjectEdit(sources[1], relative)}
-    return Material(
-        job.scene.name, job.fps, len(relative), tracks, cast, segments, tuple(spans), placed=False, notes=notes
+    line = lay_out(job.scene, people, job.fps)
+    shown = {view.name: view.captured(best_guess(view)) for view in segments}
+    relatives = [
+        shown.get(spec.name, _opposite(*(people[name] for name in spec.between))) for spec in job.scene.segments
+    ]
+    spans = tuple(
+        SegmentEdit(spec.name, span.start, span.stop, spec.interaction.value, spec.between, 0, 0, 0, relative)
+        for spec, span, relative in zip(job.scene.segments, line.spans, relatives, strict=True)
     )
+    places = _beside_each_other(line, spans)
+    tracks = {name: SubjectEdit(source, places[name]) for name, source in line.sources.items()}
+    return Material(job.scene.name, job.fps, line.n_frames, tracks, cast, segments, spans, placed=False, notes=notes)
+
+
+def _beside_each_other(line: TimeLine, spans: Sequence[SegmentEdit]) -> dict[str, FloatArray]:
+    """(N, 3) placements by subject: in each segment one stands beside the other, who stays; strangers stand aside."""
+    places: dict[str, FloatArray] = {}
+    for span in spans:
+        a, b = span.between
+        if a not in places and b in places:
+            start, relative = 0, invert(span.relative)
+            a, b = b, a
+        else:
+            start, relative = span.start if b in places else 0, span.relative
+        here = places.setdefault(a, np.tile([0.0, ASIDE * len(places), 0.0], (line.n_frames, 1)))[span.start]
+        beside = places.setdefault(b, np.zeros((line.n_frames, 3)))
+        beside[start:] = compose(here, relative)
+    return places | {
+        name: np.tile([0.0, ASIDE * (len(places) + n), 0.0], (line.n_frames, 1))
+        for n, name in enumerate(name for name in line.sources if name not in places)
+    }
 
 
 def best_guess(view: SegmentView) -> FloatArray:
@@ -238,8 +251,7 @@ def _view(solved: SolvedSegment, people: Mapping[str, Person], start: int, row: 
 
 def _key_starts(job: Job, people: Mapping[str, Person]) -> Sequence[int]:
     """The first frame in the scene of each key segment."""
-    stretches = lay_out(job.scene, people, job.fps)
-    return [stretch.start for stretch in stretches if stretch.segment is not None]
+    return [span.start for span in lay_out(job.scene, people, job.fps).spans]
 
 
 def _opposite(a: Person, b: Person) -> FloatArray:

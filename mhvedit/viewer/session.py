@@ -133,7 +133,7 @@ class Session:
         scene = self.job.scene
         try:
             on_disk = load_scene(scene.file)
-            save_changes(scene.file, changes_for(on_disk, scene.segments[0].between, self.state.decisions))
+            save_changes(scene.file, changes_for(on_disk, scene, self.state.decisions))
             written = [str(scene.file)]
             if self.out is not None and self._result is not None and self.state.is_current:
                 with claimed(self.out):

@@ -1,10 +1,13 @@
 """The time line as a picture: key segments marked and named, what lies between, and where the scene is now."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from PIL import Image, ImageDraw
 from PIL.ImageFont import FreeTypeFont
 
 from mhvedit.geometry.arrays import ByteArray
+from mhvedit.scene.edit import SegmentEdit
 from mhvedit.view.captions import font_of
 from mhvedit.view.style import GRID, INK, MUTED, PAPER, SUBJECTS, WARNING, lighter, shorter
 from mhvedit.viewer.state import ViewerState
@@ -32,15 +35,19 @@ def timeline_picture(state: ViewerState, *, width: int, height: int, now: bool =
     draw.rectangle((x_of(0, width, n_frames), top, x_of(n_frames, width, n_frames), bottom), fill=GRID)
     name_font, small = font_of(max(11, height // 6)), font_of(max(9, height // 8))
     done = 0
-    for span in state.material.spans:
+    spans = sorted(state.material.spans, key=lambda span: span.start)
+    lanes = lanes_of(spans)
+    high = (bottom - top) / (max(lanes, default=0) + 1)
+    for span, lane in zip(spans, lanes, strict=True):
         _between(draw, done, span.start, state, width, (top + bottom) / 2, small)
         left, right = x_of(span.start, width, n_frames), x_of(span.stop, width, n_frames)
+        upper, lower = top + lane * high, top + (lane + 1) * high
         current = span.name == state.segment
         draw.rectangle(
-            (left, top, right, bottom), fill=SUBJECTS[0] if current else lighter(SUBJECTS[0], 0.55), outline=PAPER
+            (left, upper, right, lower), fill=SUBJECTS[0] if current else lighter(SUBJECTS[0], 0.55), outline=PAPER
         )
-        _fitting(draw, span.name, left, right, (top + bottom) / 2, name_font, PAPER if current else INK)
-        done = span.stop
+        _fitting(draw, span.name, left, right, (upper + lower) / 2, name_font, PAPER if current else INK)
+        done = max(done, span.stop)
     _between(draw, done, n_frames, state, width, (top + bottom) / 2, small)
     _draw_ticks(draw, state, width, bottom, small)
     if now:
@@ -49,6 +56,21 @@ def timeline_picture(state: ViewerState, *, width: int, height: int, now: bool =
         words = f"frame {state.frame} of {n_frames} · {state.frame / state.material.fps:.2f} s · x{state.speed:g}"
         draw.text((MARGIN, top - 7), words, font=name_font, fill=INK, anchor="ls")
     return np.asarray(image, np.uint8)
+
+
+def lanes_of(spans: Sequence[SegmentEdit]) -> list[int]:
+    """In which row each key segment goes, so that those of different people that run at once do not cover each other.
+
+    Args:
+        spans: by their first frames.
+    """
+    ends: list[int] = []
+    lanes = []
+    for span in spans:
+        lane = next((n for n, end in enumerate(ends) if end <= span.start), len(ends))
+        ends[lane : lane + 1] = [span.stop]
+        lanes.append(lane)
+    return lanes
 
 
 def x_of(frame: float, width: int, n_frames: int) -> float:

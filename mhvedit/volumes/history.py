@@ -13,6 +13,7 @@ from numba import njit
 from mhvedit.errors import ShapeError
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.grid import VoxelGrid, ball_offsets, cropped, united
+from mhvedit.geometry.uncounted import uncounted
 
 NEVER = -1  # t_start and t_end of a voxel that is never filled
 
@@ -118,7 +119,10 @@ def trimmed(volume: MotionHistoryVolume) -> MotionHistoryVolume:
 def union(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
     """Filled where either is."""
     grid = united([a.grid, b.grid])
-    return MotionHistoryVolume(grid, on_grid(a, grid).frames | on_grid(b, grid).frames, a.n_frames)
+    frames = np.zeros((*grid.shape, a.frames.shape[-1]), np.uint64)
+    frames[a.grid.slices_in(grid)] = a.frames
+    frames[b.grid.slices_in(grid)] |= b.frames
+    return MotionHistoryVolume(grid, frames, a.n_frames)
 
 
 def difference(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
@@ -168,12 +172,9 @@ def eroded(volume: MotionHistoryVolume, radius: float) -> MotionHistoryVolume:
 
 def frame_centres(volume: MotionHistoryVolume) -> FloatArray:
     """(tau, 3) centre of gravity of what is filled in each frame, m; NaN where nothing is."""
-    centres = np.full((volume.n_frames, 3), np.nan)
-    for frame in range(volume.n_frames):
-        where = np.argwhere(volume.at(frame))
-        if len(where):
-            centres[frame] = (where.mean(0) + np.array(volume.grid.start)) * volume.grid.pitch
-    return centres
+    sums, counts = _frame_sums(volume.frames, volume.n_frames)
+    means = sums / np.where(counts > 0, counts, np.nan)[:, None]
+    return np.asarray((means + np.array(volume.grid.start)) * volume.grid.pitch)
 
 
 def from_bits(volume: MotionHistoryVolume, frames: Words) -> MotionHistoryVolume:
@@ -243,18 +244,50 @@ def _spread(frames: Words, offsets: IntArray, out: Words) -> None:
 
 @njit(cache=True, nogil=True)
 def _shrink(frames: Words, offsets: IntArray) -> Words:
+    """AND over all offsets, a column at a time; beyond the box nothing is filled."""
     n_x, n_y, n_z, n_words = frames.shape
     out = np.zeros(frames.shape, np.uint64)
-    for x, y, z in np.ndindex(frames.shape[:3]):
-        for w in range(n_words):
-            word = frames[x, y, z, w]
+    whole, shrunk = uncounted(frames.reshape(-1)), uncounted(out.reshape(-1))
+    length = n_z * n_words
+    for x in range(n_x):
+        for y in range(n_y):
+            at = np.uint64((x * n_y + y) * length)
+            left = np.uint64(0)
+            for w in range(np.uint64(length)):
+                shrunk[at + w] = whole[at + w]
+                left |= whole[at + w]
             for o in range(offsets.shape[0]):
-                if word == 0:
+                if left == 0:
                     break
-                i, j, k = x + offsets[o, 0], y + offsets[o, 1], z + offsets[o, 2]
-                if i < 0 or j < 0 or k < 0 or i >= n_x or j >= n_y or k >= n_z:
-                    word = np.uint64(0)
-                else:
-                    word &= frames[i, j, k, w]
-            out[x, y, z, w] = word
+                i, j, rise = x + offsets[o, 0], y + offsets[o, 1], offsets[o, 2] * n_words
+                low, high = max(0, -rise), min(length, length - rise)
+                if i < 0 or j < 0 or i >= n_x or j >= n_y:
+                    low = high = length
+                other = np.uint64((i * n_y + j) * length + rise)
+                for w in range(np.uint64(low)):
+                    shrunk[at + w] = 0
+                left = np.uint64(0)
+                for w in range(np.uint64(low), np.uint64(high)):
+                    shrunk[at + w] &= whole[other + w]
+                    left |= shrunk[at + w]
+                for w in range(np.uint64(high), np.uint64(length)):
+                    shrunk[at + w] = 0
     return out
+
+
+@njit(cache=True, nogil=True)
+def _frame_sums(frames: Words, n_frames: int) -> tuple[FloatArray, IntArray]:
+    """(tau, 3) sums of the lattice places of what is filled in each frame, exact, and (tau,) how many there are."""
+    sums, counts = np.zeros((n_frames, 3)), np.zeros(n_frames, np.int64)
+    for x, y, z in np.ndindex(frames.shape[:3]):
+        for w in range(frames.shape[3]):
+            word, frame = frames[x, y, z, w], 64 * w
+            while word != 0:
+                if word & np.uint64(1):
+                    counts[frame] += 1
+                    sums[frame, 0] += x
+                    sums[frame, 1] += y
+                    sums[frame, 2] += z
+                word >>= np.uint64(1)
+                frame += 1
+    return sums, counts

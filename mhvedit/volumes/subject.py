@@ -1,6 +1,6 @@
 """Everything solid about one subject in one key segment: body, things held, and the named parts of them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -9,12 +9,13 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.sequences.canonical import in_canonical_frame
 from mhvedit.sequences.meshes import MeshSequence
-from mhvedit.volumes.history import MotionHistoryVolume, difference, eroded, history, intersection, union
+from mhvedit.volumes.history import MotionHistoryVolume, difference, history, intersection, union
 from mhvedit.volumes.parts import OwnMesh, Part, Selection, select_voxels
 from mhvedit.volumes.voxelise import solid_voxels
 
 BODY = "body"
 Filled = tuple[VoxelGrid, BoolArray]  # a frame's box, and (X, Y, Z) which of its voxels are filled
+Erosion = Callable[[MotionHistoryVolume], MotionHistoryVolume]  # of a solid, what counts as deep in it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,10 +99,10 @@ def part_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
     return subject.parts[name].volume
 
 
-def deep_part_of(subject: SubjectVolumes, name: str, radius: float) -> MotionHistoryVolume:
-    """What of a named part lies deeper than a radius (voxels, centre to empty centre) in the solid it is cut from."""
+def deep_part_of(subject: SubjectVolumes, name: str, deep: Erosion) -> MotionHistoryVolume:
+    """What of a named part lies deep in the solid it is cut from."""
     part = subject.parts[name]
-    return intersection(part.volume, eroded(subject.solids[part.solid], radius))
+    return intersection(part.volume, deep(subject.solids[part.solid]))
 
 
 def rest_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
@@ -109,9 +110,9 @@ def rest_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
     return _without(subject, name, subject.solids)
 
 
-def deep_rest_of(subject: SubjectVolumes, name: str, radius: float) -> MotionHistoryVolume:
-    """What of the rest lies deeper than a radius (voxels) in the solid that it belongs to."""
-    return _without(subject, name, {key: eroded(solid, radius) for key, solid in subject.solids.items()})
+def deep_rest_of(subject: SubjectVolumes, name: str, deep: Erosion) -> MotionHistoryVolume:
+    """What of the rest lies deep in the solid that it belongs to."""
+    return _without(subject, name, {key: deep(solid) for key, solid in subject.solids.items()})
 
 
 def all_of(subject: SubjectVolumes) -> MotionHistoryVolume:
@@ -119,9 +120,9 @@ def all_of(subject: SubjectVolumes) -> MotionHistoryVolume:
     return _united(list(subject.solids.values()))
 
 
-def deep_all_of(subject: SubjectVolumes, radius: float) -> MotionHistoryVolume:
-    """What lies deeper than a radius (voxels) in any solid of a subject."""
-    return _united([eroded(solid, radius) for solid in subject.solids.values()])
+def deep_all_of(subject: SubjectVolumes, deep: Erosion) -> MotionHistoryVolume:
+    """What lies deep in any solid of a subject."""
+    return _united([deep(solid) for solid in subject.solids.values()])
 
 
 def _without(subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]) -> MotionHistoryVolume:

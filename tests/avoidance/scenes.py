@@ -6,16 +6,18 @@ import trimesh
 from mhvedit.avoidance.capsules import capsule_body
 from mhvedit.avoidance.correct import Body
 from mhvedit.avoidance.equipment import attach
-from mhvedit.avoidance.ground import ground_joints, keep_standing
+from mhvedit.avoidance.ground import at_joints, ground_joints, keep_standing
 from mhvedit.avoidance.guards import mesh_guard
 from mhvedit.avoidance.methods import Problem
-from mhvedit.avoidance.tasks import Task, frozen_dofs
+from mhvedit.avoidance.tasks import Task, TwoHanded, frozen_dofs, two_handed
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.skeleton.forward import points_on_joints
 from mhvedit.skeleton.model import Motion, Skeleton
 from mhvedit.skeleton.skin import SkinnedBody
 from tests.avoidance.figures import figure
 
 FPS = 30.0
+GRIP = np.array([0.0, 0.0, -0.08])  # m, in the hand
 APART = 4  # limbs: as for all bodies of capsules
 
 
@@ -84,10 +86,27 @@ def problem_of(
 ) -> Problem:
     """Feet keep standing, and what else is asked."""
     skeleton = body.skeleton
-    feet = keep_standing(skeleton, motion, ground_joints(skeleton))
+    feet = keep_standing(skeleton, motion, at_joints(ground_joints(skeleton)))
     weights = np.where(skeleton.dof_slides, 60.0, np.where(skeleton.dof_joint < 5, 5.0, 1.0))
     free = frozen_dofs(skeleton, frozen)
     return Problem(Body(skeleton, weights, free, mesh_guard(body, nearest=APART)), motion, (feet, *tasks))
+
+
+def armed() -> tuple[Problem, TwoHanded]:
+    """Both hands swing with a weapon before a ball on the torso; the task that keeps the left one on it."""
+    body = with_sphere(plain_body(), at=(0.2, -0.2, 1.1), radius=0.05, limb="spine0")
+    phase = np.linspace(0, np.pi, 20)
+    arms = dict.fromkeys(("left_upper_arm.0", "right_upper_arm.0"), -0.45 + 0.35 * np.sin(phase))
+    motion = turned(body.skeleton, len(phase), dict(arms))
+    weapon = two_handed(body.skeleton, motion, hand="left_hand", holder="right_hand", point=GRIP)
+    return problem_of(body, motion), weapon
+
+
+def grip_gap(skeleton: Skeleton, weapon: TwoHanded, q: FloatArray) -> float:
+    """Largest gap between the left hand and its place on the weapon, m."""
+    points = np.stack([weapon.point, weapon.target])
+    hands = points_on_joints(skeleton, q, np.array([weapon.hand, weapon.holder]), points)
+    return float(np.linalg.norm(hands[:, 0] - hands[:, 1], axis=1).max())
 
 
 def plain_body() -> SkinnedBody:

@@ -43,15 +43,15 @@ def feet(stored: dict[str, FloatArray]) -> FloatArray:
 def test_a_real_motion_is_freed(name: str, tmp_path: Path) -> None:
     path, out = cut(name, tmp_path, CUTS[name]), tmp_path / "out"
     outcome = run_avoid(path, out, options=AvoidOptions(report=False))
-    assert outcome.avoided.converged
-    assert outcome.why == ()
+    assert outcome.found.avoided.converged
+    assert outcome.found.why == ()
     assert deepest(path) > 0.005
     assert deepest(out / "motion.npz") < 0.005
     before, after = dict(np.load(path)), dict(np.load(out / "motion.npz"))
     speed = np.linalg.norm(np.diff(feet(before), axis=0), axis=2) * float(before["fps"])
     moved = np.linalg.norm(feet(after) - feet(before), axis=2)[1:]
     assert moved[(speed < STANDS) & (feet(before)[1:, :, 2] < 0.15)].max(initial=0.0) < 0.005
-    assert outcome.metrics.step_ratio <= 1.5
+    assert outcome.found.metrics.step_ratio <= 1.5
     report = json.loads((out / "report.json").read_text())
     assert report["converged"] is True
     assert len(report["joint_change"]) == len(CUTS[name])

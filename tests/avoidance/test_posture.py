@@ -7,7 +7,7 @@ from mhvedit.avoidance.constraints import (
     ContactGaps,
     DirectionTarget,
     PlaneTarget,
-    PointTarget,
+    PointTargets,
     SkinPoints,
     world_point,
 )
@@ -37,9 +37,15 @@ def contact_gaps() -> ContactGaps:
     )
 
 
+def hand_at(target: FloatArray, *, point: FloatArray | None = None, slack: float = 0.0) -> PointTargets:
+    """A point of the left hand at a place."""
+    mine = np.zeros(3) if point is None else point
+    return PointTargets(np.array([HAND]), mine[None], target[None], np.array([slack]))
+
+
 CONSTRAINTS: list[Constraint] = [
-    PointTarget(HAND, np.array([0.0, 0.01, -0.1]), np.array([0.3, -0.3, 1.1])),
-    PointTarget(HAND, np.zeros(3), np.array([0.3, -0.3, 1.1]), slack=0.05),
+    hand_at(np.array([0.3, -0.3, 1.1]), point=np.array([0.0, 0.01, -0.1])),
+    hand_at(np.array([0.3, -0.3, 1.1]), slack=0.05),
     BodyPointTarget(HAND, np.array([0.0, 0.01, -0.1]), OTHER, np.array([0.1, 0.0, 0.0])),
     PlaneTarget(HAND, np.zeros(3), np.array([0.1, 0.2, 1.0]), np.array([0.0, 0.6, 0.8])),
     DirectionTarget(HAND, np.array([0.0, 0.0, -1.0]), OTHER, np.array([0.6, 0.0, 0.8])),
@@ -128,7 +134,7 @@ def test_b2_2_targets_are_met_and_frozen_dofs_stay() -> None:
     q = np.zeros(FIGURE.n_dofs)
     target = world_point(place(FIGURE, q), HAND, np.zeros(3)) + np.array([0.05, -0.15, 0.1])
     free = np.isin(FIGURE.dof_joint, [FIGURE.names.index(f"left_{n}") for n in ("clavicle", "upper_arm", "forearm")])
-    posture = predict_posture(FIGURE, q, [PointTarget(HAND, np.zeros(3), target)], free=free)
+    posture = predict_posture(FIGURE, q, [hand_at(target)], free=free)
     assert posture.converged
     assert np.allclose(world_point(place(FIGURE, posture.q), HAND, np.zeros(3)), target, atol=6e-4)
     assert (posture.q[~free] == 0).all()
@@ -137,7 +143,7 @@ def test_b2_2_targets_are_met_and_frozen_dofs_stay() -> None:
 def test_b2_2_a_target_out_of_reach_is_said_to_be() -> None:
     q = np.zeros(FIGURE.n_dofs)
     free = FIGURE.dof_joint != 0
-    posture = predict_posture(FIGURE, q, [PointTarget(HAND, np.zeros(3), np.array([3.0, 0.0, 1.0]))], free=free)
+    posture = predict_posture(FIGURE, q, [hand_at(np.array([3.0, 0.0, 1.0]))], free=free)
     assert not posture.converged
     assert posture.violation > 0.5
     assert np.isfinite(posture.q).all()

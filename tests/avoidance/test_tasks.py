@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mhvedit.avoidance.constraints import world_point
-from mhvedit.avoidance.ground import StandingSettings, frames_to, ground_joints, keep_standing, standing
+from mhvedit.avoidance.ground import StandingSettings, at_joints, frames_to, ground_joints, keep_standing, standing
 from mhvedit.avoidance.planes import path_planes, plane_normals
 from mhvedit.avoidance.posture import place, predict_posture
 from mhvedit.avoidance.tasks import frozen_dofs, two_handed
@@ -25,10 +25,12 @@ def test_b10_a_foot_stands_where_it_is_slow_and_low_for_some_frames() -> None:
 def test_b10_between_two_stands_a_foot_may_go_as_far_as_it_can_come_back() -> None:
     q = np.zeros((20, FIGURE.n_dofs))
     q[8:13, FIGURE.dof_names.index("left_thigh.0")] = [-0.3, -0.6, -0.8, -0.6, -0.3]
-    keep = keep_standing(FIGURE, Motion(q, 30.0), ground_joints(FIGURE))
+    keep = keep_standing(FIGURE, Motion(q, 30.0), at_joints(ground_joints(FIGURE)))
     column = keep.joints.tolist().index(FIGURE.names.index("left_foot"))
     assert (keep.slack[:7, column] == 0).all()
     assert (keep.slack[14:, column] == 0).all()
+    assert keep.stands[:7, column].all()
+    assert not keep.stands[10, column]
     assert keep.slack[10, column] > keep.slack[8, column] > 0
     other = keep.joints.tolist().index(FIGURE.names.index("right_foot"))
     assert (keep.slack[:, other] == 0).all()

@@ -97,7 +97,7 @@ def _depth(pieces: Pieces, vertices: FloatArray, inner: int, outer: int) -> floa
 
 
 def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """The surface with every hole closed by a fan round the middle of its ring."""
+    """The surface with every hole closed by a fan round the middle of its ring; rings pass no vertex twice."""
     edges = {(int(f[i]), int(f[(i + 1) % 3])) for f in faces for i in range(3)}
     ahead = {a: [] for a, _ in edges}  # type: dict[int, list[int]]
     for a, b in edges:
@@ -106,8 +106,12 @@ def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray
     points, fans = list(vertices), []
     while any(ahead.values()):
         ring = [next(a for a in sorted(ahead) if ahead[a])]
-        while ahead[ring[-1]]:
+        while len(set(ring)) == len(ring):
             ring.append(ahead[ring[-1]].pop())
+        tail = ring[: ring.index(ring[-1])]
+        for a, b in zip(tail, [*tail[1:], ring[-1]], strict=False):
+            ahead[a].append(b)
+        ring = ring[len(tail) :]
         fans += [[len(points), ring[i + 1], ring[i]] for i in range(len(ring) - 1)]
         points.append(vertices[ring[:-1]].mean(0))
     return np.array(points), np.concatenate([faces, np.array(fans, np.int64).reshape(-1, 3)])

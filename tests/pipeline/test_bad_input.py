@@ -194,20 +194,6 @@ def test_a_part_that_is_empty_in_all_frames(refused: Callable[..., str], part: s
     assert "found " in found and ("every frame" in found or "label" in found), found
 
 
-def test_a_third_subject(refused: Callable[..., str], folder: Path) -> None:
-    write_actor(folder, "carl", ANNA)
-    third = ("[subjects.ben]", '[subjects.carl]\npath = "carl"\n\n[subjects.ben]')
-    assert refused(third) == (
-        "JOB/scene.toml: subjects.carl: expected no subjects but the two of the segments "
-        '("anna" and "ben"), found another'
-    )
-    changed = LOWER_TABLE.replace('["anna", "ben"]', '["anna", "carl"]').replace("ben = ", "carl = ").replace(
-        'carl = "hand"', 'carl = "body"'
-    )  # fmt: skip
-    found = refused(third, (LOWER_TABLE, changed))
-    assert 'segments[1] "lower".between: expected the same two subjects in all segments ("anna" and "ben")' in found
-
-
 @pytest.mark.parametrize("kind", ["folder", "binary", "missing"])
 def test_no_scene_file(mhvedit: Command, tmp_path: Path, kind: str) -> None:
     path = tmp_path / "scene.toml"

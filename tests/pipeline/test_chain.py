@@ -10,6 +10,7 @@ from mhvedit import api
 from mhvedit.geometry.planar import compose, invert, wrap_angle
 from mhvedit.pipeline.job import Result
 from mhvedit.scene.edit import EditedScene
+from mhvedit.sequences.align import FramesOf
 from tests.pipeline.toy import ANNA, BEN, LOWER_TABLE, RAISE_TABLE, Actor, write_actor, write_scene
 
 FRAMES = "{anna = [9, 15], ben = [9, 15]}"
@@ -142,7 +143,7 @@ def test_frames_that_one_of_them_lacks_are_left_out(tmp_path: Path) -> None:
     scene = scene_of(result)
     check_rigid(scene)
     assert result.assembly is not None
-    assert result.assembly.stretches[0].left_out == (0, 1)
+    assert result.assembly.line.left_out[0] == FramesOf("ben", 0, 1)
 
 
 @pytest.mark.parametrize("rate", [15, 60])

@@ -28,12 +28,12 @@ FILE_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "no fps": (("version = 1", "version = 1\nfps = 0"), "fps: expected a number above 0, found 0"),
     "unknown": (
         ("version = 1", "version = 1\noptimize = {}"),
-        "optimize: expected one of version, name, fps, subjects, segments, search, optimise, "
+        "optimize: expected one of version, name, fps, subjects, segments, search, optimise, stage, props, "
         'found an unknown key (did you mean "optimise"?)',
     ),
     "no segments": (
         ("[[segments]]", "[[subjects.ben.x]]"),
-        "subjects.ben.x: expected one of path, frames, fps, units, up, facing, gaze, skeleton, parts, "
+        "subjects.ben.x: expected one of path, frames, fps, units, up, facing, gaze, skeleton, parts, self_collision, "
         "found an unknown key",
     ),
 }
@@ -49,6 +49,7 @@ SUBJECT_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "unknown key": (
         ('path = "ben"', 'path = "ben"\nskelton = "a.bvh"'),
         "subjects.ben.skelton: expected one of path, frames, fps, units, up, facing, gaze, skeleton, parts, "
+        "self_collision, "
         'found an unknown key (did you mean "skeleton"?)',
     ),
     "no path": (

@@ -11,7 +11,6 @@ from mhvedit.project.schema import Exclusion, Spot, Tolerance
 from mhvedit.viewer.decisions import Decision, Decisions, changes_for, decided, decisions_of
 from tests.pipeline.toy import RAISE_TABLE, write_scene
 
-SIDES = ("anna", "ben")
 HERE = Spot(0.5, -1.25, 0.75)
 OTHER = Decision(
     HERE,
@@ -23,7 +22,7 @@ OTHER = Decision(
 
 def saved(scene: Path, decisions: Decisions) -> dict[str, Decision]:
     """What a scene file says after decisions were saved into it."""
-    save_changes(scene, changes_for(load_scene(scene), SIDES, decisions))
+    save_changes(scene, changes_for(load_scene(scene), api.load(scene).scene, decisions))
     return decisions_of(api.load(scene).scene)
 
 
@@ -45,7 +44,7 @@ def assert_same(there: Decision, wanted: Decision) -> None:
 def test_nothing_decided_is_nothing_to_write(folder: Path) -> None:
     scene = folder / "scene.toml"
     before = scene.read_bytes()
-    assert changes_for(load_scene(scene), SIDES, decisions_of(load_scene(scene))) == {}
+    assert changes_for(load_scene(scene), api.load(scene).scene, decisions_of(load_scene(scene))) == {}
     saved(scene, decisions_of(load_scene(scene)))
     assert scene.read_bytes() == before
 
@@ -88,10 +87,10 @@ def test_a_segment_told_from_the_other_side_keeps_its_meaning(folder: Path) -> N
 
 def test_a_segment_that_is_gone(folder: Path) -> None:
     scene = folder / "scene.toml"
-    decisions = decisions_of(load_scene(scene))
+    told = load_scene(scene)
     write_scene(folder, ('name = "lower"', 'name = "down"'))
     with pytest.raises(SceneError, match='expected the segment "lower", which was there, found raise, down'):
-        changes_for(load_scene(scene), SIDES, decisions)
+        changes_for(load_scene(scene), told, decisions_of(told))
 
 
 def test_a_scene_as_decided(folder: Path) -> None:

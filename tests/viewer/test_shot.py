@@ -1,9 +1,10 @@
 import numpy as np
 
+from mhvedit.scene.edit import SegmentEdit
 from mhvedit.viewer.layout import layout_of
 from mhvedit.viewer.shot import shot, with_words
 from mhvedit.viewer.state import ViewerState, at_frame, looked_at_row
-from mhvedit.viewer.timeline import frame_at, timeline_picture, x_of
+from mhvedit.viewer.timeline import frame_at, lanes_of, timeline_picture, x_of
 
 SIZE = (900, 560)
 
@@ -46,3 +47,11 @@ def test_words_stay_inside_the_picture() -> None:
     said = with_words(picture, ["a" * 500, "b"])
     assert said.shape == picture.shape and (said != picture).any()
     assert with_words(picture, []) is picture
+
+
+def test_segments_that_run_at_once_have_rows_of_their_own() -> None:
+    def span(start: int, stop: int) -> SegmentEdit:
+        return SegmentEdit("", start, stop, "+&+", ("a", "b"), 0, 0, 0, np.zeros(3))
+
+    assert lanes_of([span(0, 4), span(4, 9), span(12, 15)]) == [0, 0, 0]
+    assert lanes_of([span(0, 9), span(2, 5), span(4, 6), span(6, 8), span(9, 11)]) == [0, 1, 2, 1, 0]

@@ -6,6 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mhvedit.constraints.fidelity import Depth
 from mhvedit.geometry.planar import apply_pose, compose
 from mhvedit.sequences.canonical import capture_from_canonical
 from mhvedit.sequences.meshes import JointTracks, Mesh, MeshSequence
@@ -141,9 +142,9 @@ def test_parts_rests_and_what_lies_deep_in_them_agree_with_brute_force(seed: int
     ):
         assert filled_in(found) == deeper_than(expected, 0)
     for found, expected in (
-        (deep_part_of(volumes, name, radius), person.part(name)),
-        (deep_rest_of(volumes, name, radius), person.rest(name)),
-        (deep_all_of(volumes, radius), person.everything()),
+        (deep_part_of(volumes, name, Depth(radius)), person.part(name)),
+        (deep_rest_of(volumes, name, Depth(radius)), person.rest(name)),
+        (deep_all_of(volumes, Depth(radius)), person.everything()),
     ):
         assert filled_in(found) == deeper_than(expected, radius)
 

@@ -1,0 +1,1 @@
+"""A skeleton inside a volumetric capture: fitted, judged, and used to change the capture itself."""

@@ -1,0 +1,5 @@
+"""How a long job tells how far it is."""
+
+from collections.abc import Callable
+
+Progress = Callable[[str, float], None]  # stage in words, share of it that is done
