@@ -23,10 +23,11 @@ from benchmarks.performance_page import write_page
 from benchmarks.process import COMMAND, Ran, measured, run, solve
 
 SCRATCH = Path(tempfile.gettempdir()) / "mhvedit-paper-scale"
-CACHE, FRAMES = ".cache", "frames"  # not imported: a child inherits what its parent has had of memory
+# Not imported from the package: a child inherits what its parent has had of memory.
+CACHE, FRAMES, CONTENTS = ".cache", "frames", "contents.json"
 RUNS = 2  # of a whole solve
 STARTS = 5  # of `mhvedit --help`
-FULL = ("03-blades-part", "09-thrust-withdrawn")  # compared with the search by correlation at every yaw
+FULL = ("02-cut-parried", "03-blades-part")  # compared with the search by correlation at every yaw
 FINE_SEGMENTS = ("02-cut-parried", "06-blades-locked", "08-thrust-hits")
 SAMPLED_YAWS = 6
 Figures = dict[str, Any]
@@ -93,9 +94,9 @@ def fastest(runs: list[Figures]) -> Figures:
 
 
 def forget_all_but_frames(out: Path) -> None:
-    """Leave only the converted frames in an output folder."""
+    """Leave only the converted frames in an output folder, and what is known of the files that they come from."""
     for path in [*out.iterdir(), *(out / CACHE).iterdir()]:
-        if path.name in (CACHE, FRAMES):
+        if path.name in (CACHE, FRAMES, CONTENTS):
             continue
         if path.is_dir():
             shutil.rmtree(path)

@@ -16,7 +16,7 @@ from pathlib import Path
 from mhvedit.pipeline.job import Job, Result, choose, load, solve
 from mhvedit.pipeline.output import claimed, write_result
 from mhvedit.pipeline.run import Outcome, check_output, run_scene
-from mhvedit.scene.edit import EditedScene, placed_mesh, read_edit
+from mhvedit.scene.edit import EditedScene, placed_mesh, placed_prop, read_edit
 
 __all__ = [
     "EditedScene",
@@ -27,6 +27,7 @@ __all__ = [
     "choose",
     "load",
     "placed_mesh",
+    "placed_prop",
     "read_edit",
     "run_scene",
     "solve",

@@ -44,3 +44,10 @@ def test_obj_folders_for_the_tutorial(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["anna", "anna_sword", "ben", "ben_sword"]
     assert (tmp_path / "ben" / "ben_0073.obj").exists()
     assert "2 frames" in capsys.readouterr().out
+
+
+def test_a_ball_is_swept_off_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    example("world_props").main(tmp_path, n_frames=20)
+    assert (tmp_path / "sweep.glb").exists()
+    assert '"ball"' in (tmp_path / "edited" / "edit.json").read_text()
+    assert "at the end" in capsys.readouterr().out

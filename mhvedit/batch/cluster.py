@@ -66,8 +66,8 @@ def connected(
         ClusterError: no scheduler there, or its workers cannot be used.
         MissingLibrary: distributed is not installed.
     """
+    library = distributed()
     with _quiet():
-        library = distributed()
         if address is None:
             with _local(library, workers, memory) as cluster, library.Client(cluster) as client:
                 yield client
@@ -77,13 +77,18 @@ def connected(
         except (OSError, ValueError) as error:
             raise ClusterError(address, "a Dask scheduler", "nothing that answers") from error
         with client:
-            _check_workers(client, address, folder)
+            _check_workers(client, address, folder, patience)
             yield client
 
 
 def thread_count(client: Client) -> int:
     """How many tasks the workers do at once; at least one is expected to come."""
     return max(1, sum(map(int, client.nthreads().values())))
+
+
+def dashboard_of(client: Client) -> str | None:
+    """Where Dask's dashboard is; None where the scheduler shows none."""
+    return str(client.dashboard_link) if "dashboard" in client.scheduler_info()["services"] else None
 
 
 def default_memory(workers: int) -> float:
@@ -124,8 +129,12 @@ def _interrupts_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _check_workers(client: Client, address: str, folder: Path) -> None:
-    """Refuse workers that would do it wrong."""
+def _check_workers(client: Client, address: str, folder: Path, patience: float) -> None:
+    """Refuse a cluster without workers, and workers that would do it wrong."""
+    try:
+        client.wait_for_workers(1, timeout=patience)
+    except TimeoutError:
+        raise ClusterError(address, "a worker or more", "none") from None
     crowded = {worker for worker, threads in client.nthreads().items() if threads > 1}
     if crowded:
         expected = "workers of one thread (`dask worker --nthreads 1`)"
@@ -138,26 +147,13 @@ def _check_workers(client: Client, address: str, folder: Path) -> None:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Dask's own words stay away from people; what matters to them is said elsewhere."""
-    loggers = [logging.getLogger(name) for name in LOGGERS]
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in LOGGERS]
+    loggers = [logging.getLogger(name) for name in names]
     levels = [logger.level for logger in loggers]
-    with _environment("DASK_LOGGING__DISTRIBUTED", "critical"):
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL)
-        try:
-            yield
-        finally:
-            for logger, level in zip(loggers, levels, strict=True):
-                logger.setLevel(level)
-
-
-@contextmanager
-def _environment(name: str, value: str) -> Iterator[None]:
-    before = os.environ.get(name)
-    os.environ[name] = value
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

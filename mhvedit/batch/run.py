@@ -1,8 +1,9 @@
 """A batch from beginning to end: what stands is left alone, the rest is handed to workers."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Final
@@ -10,7 +11,7 @@ from uuid import uuid4
 from weakref import WeakValueDictionary
 
 from mhvedit.batch.asked import AskedScene
-from mhvedit.batch.cluster import ANSWERS_IN, RETURNS_IN, Client, connected, thread_count
+from mhvedit.batch.cluster import ANSWERS_IN, RETURNS_IN, Client, connected, dashboard_of, thread_count
 from mhvedit.batch.desk import NOBODY, Desk, Step, Told, is_bad, is_finished, is_varied, next_step, variants_key
 from mhvedit.batch.plan import scene_tasks
 from mhvedit.batch.records import Inputs
@@ -53,6 +54,7 @@ class Session:
     under_way: dict[Future, tuple[Step, float]] = field(default_factory=dict)  # with the time, s since 1970
     needed: dict[Future, list[Future]] = field(default_factory=dict)  # what a step that is under way waits for
     shared: "WeakValueDictionary[str, Future]" = field(default_factory=WeakValueDictionary)  # of tasks, by key
+    order: Iterator[int] = field(default_factory=count)  # of steps
 
 
 class SchedulerLost(MhveditError, RuntimeError):
@@ -63,7 +65,12 @@ class SchedulerLost(MhveditError, RuntimeError):
 
 
 def run_batch(
-    asked: Sequence[AskedScene], out: Path, *, options: Options | None = None, told: Told = NOBODY
+    asked: Sequence[AskedScene],
+    out: Path,
+    *,
+    options: Options | None = None,
+    told: Told = NOBODY,
+    watch: Callable[[str], None] | None = None,
 ) -> tuple[SceneDone, ...]:
     """Finish scenes; those that an earlier run finished, and whose inputs did not change since, are left as they are.
 
@@ -74,6 +81,7 @@ def run_batch(
         out: output folder of the batch; a scene's is in it under its name.
         options: how.
         told: told of every scene as soon as it is finished.
+        watch: told where the dashboard is.
 
     Raises:
         ClusterError: there is no such cluster.
@@ -96,7 +104,7 @@ def run_batch(
             known=[scene.name for scene in asked],
         )
         try:
-            _work(desk, options)
+            _work(desk, options, watch)
         finally:
             desk.inputs.contents.save()
             write_summary(out, desk.found, missing=[name for name in desk.known if name not in desk.done])
@@ -129,7 +137,7 @@ def solve_segments(scene: Path, out: Path, *, scheduler: str) -> None:
             raise SchedulerLost(out)
 
 
-def _work(desk: Desk, options: Options) -> None:
+def _work(desk: Desk, options: Options, watch: Callable[[str], None] | None) -> None:
     """Do what does not stand; where nothing is left to do, no cluster is even looked for."""
     there, memory, workers = options.scheduler, options.memory, options.workers
     for patience in (ANSWERS_IN, *[RETURNS_IN] * (CONNECTIONS - 1)):
@@ -138,6 +146,8 @@ def _work(desk: Desk, options: Options) -> None:
             return
         desk.steps.appendleft(first)
         with connected(there, workers=workers, memory=memory, folder=desk.out, patience=patience) as client:
+            if watch is not None and (place := dashboard_of(client)) is not None:
+                watch(place)
             if _keep_busy(desk, Session(client), limit=_limit(options)):
                 return
     raise SchedulerLost(desk.out)
@@ -179,12 +189,12 @@ def _hand_in(desk: Desk, session: Session) -> None:
 def _submitted(desk: Desk, step: Step, session: Session) -> tuple[Future, list[Future]]:
     """The future of a step, and those of what it needs; scenes are worked on in their order."""
     name, file = step.asked.name, step.scene.file.absolute()
-    submit, later = session.client.submit, desk.known.index(name)
+    submit, priority = session.client.submit, -next(session.order)
     if step.done is not None:
-        count, under = step.asked.solutions, variants_key(step)
+        solutions, under = step.asked.solutions, variants_key(step)
         key = f"vary-{name}-{session.name}"
-        return submit(vary, file, desk.out, step.done, count, under=under, key=key, priority=-later), []
-    needs = [] if step.kept else _needs(step.scene, desk.out / CACHE, session, priority=-later)
+        return submit(vary, file, desk.out, step.done, solutions, under=under, key=key, priority=priority), []
+    needs = [] if step.kept else _needs(step.scene, desk.out / CACHE, session, priority=priority)
     future = submit(
         finish_scene,
         name,
@@ -195,7 +205,7 @@ def _submitted(desk: Desk, step: Step, session: Session) -> tuple[Future, list[F
         check=desk.check,
         report=desk.report,
         key=f"finish-{name}-{session.name}",
-        priority=-later,
+        priority=priority,
     )
     return future, needs
 

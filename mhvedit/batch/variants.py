@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,9 @@ import tomlkit
 
 from mhvedit.batch.diverse import diverse_rows
 from mhvedit.batch.template import moved_content
+from mhvedit.geometry.arrays import IntArray
 from mhvedit.geometry.planar import compose, invert, wrap_angle
+from mhvedit.pipeline.assemble import by_pair, shared_rows
 from mhvedit.pipeline.job import Job, Result, mirrored_spot, solve
 from mhvedit.pipeline.picks import canonical_frames, rows_left
 from mhvedit.pipeline.segments import SolvedSegment
@@ -22,7 +25,7 @@ from mhvedit.project.schema import Spot
 def variant_scenes(job: Job, chosen: Mapping[str, int], *, name: str, count: int, out: Path) -> dict[str, str]:
     """Scene files for the second and further solutions of a scene, by name.
 
-    They differ in one segment, the one whose solutions lie in most regions, and the chain chooses the rest anew.
+    They differ in one segment, the one whose solutions lie in most regions, and the chain chooses the others anew.
 
     Args:
         job: loaded; its segments are solved, and kept.
@@ -32,11 +35,10 @@ def variant_scenes(job: Job, chosen: Mapping[str, int], *, name: str, count: int
         out: output folder of the batch.
     """
     result = solve(job, workers=1)
-    free = [segment for segment in result.segments if segment.spec.pin is None]
-    if not free:
+    able = [(segment, rows_that_go(result, segment)) for segment in result.segments if segment.spec.pin is None]
+    if not able:
         return {}
-    pivot = max(free, key=lambda segment: (segment.n_regions, segment.n_solutions))
-    left = rows_left(pivot.spec, pivot, result.people)
+    pivot, left = max(able, key=lambda entry: (len(np.unique(entry[0].group.region[entry[1]])), len(entry[1])))
     rows = diverse_rows(pivot, chosen[pivot.name], count, left=left)[1:]
     content = tomllib.loads(read_text(job.scene.file))
     made = {}
@@ -45,6 +47,23 @@ def variant_scenes(job: Job, chosen: Mapping[str, int], *, name: str, count: int
         moved = moved_content(content, job.scene.file.absolute().parent, out / own)
         made[own] = tomlkit.dumps(_pinned(moved, pivot.name, _spot(result, pivot, row), own))
     return made
+
+
+def rows_that_go(result: Result, segment: SolvedSegment) -> IntArray:
+    """(N,) solutions that the editor leaves, and that the segments which adjoin this one have too.
+
+    Args:
+        result: of a solve that has an answer.
+        segment: one of its segments.
+    """
+    assert result.assembly is not None
+    spans, segments = result.assembly.line.spans, result.segments
+    own = next(own for own in by_pair(segments) if any(segments[i] is segment for i in own))
+    breaks = [0, *(n + 1 for n, (i, j) in enumerate(pairwise(own)) if spans[i].stop != spans[j].start), len(own)]
+    runs = (own[start:stop] for start, stop in pairwise(breaks))
+    run = [segments[i] for i in next(run for run in runs if any(segments[i] is segment for i in run))]
+    shared = shared_rows(run, [rows_left(each.spec, each, result.people) for each in run])
+    return shared[run.index(segment)] if shared is not None else np.zeros(0, np.int64)
 
 
 def _spot(result: Result, segment: SolvedSegment, row: int) -> Spot:

@@ -47,7 +47,11 @@ def batch(
             if not json_:
                 print(in_words(done), flush=True)
 
-        found = run_batch(asked, out, options=options, told=told)
+        def watch(place: str) -> None:
+            if tell is not None:
+                say(f"dashboard: {place}")
+
+        found = run_batch(asked, out, options=options, told=told, watch=watch)
     if json_:
         print(json.dumps(summary(found), indent=1))
     else:

@@ -10,6 +10,7 @@ import numpy as np
 from mhvedit.errors import MissingFrame
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose
+from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.frame_looks import frame_looks
 from mhvedit.sequences.looks import Float32Array, Looks
@@ -22,9 +23,9 @@ Tell = Callable[[str, float], None]  # what is being done, share of it that is d
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """One capture in the scene: a subject's body, or a thing that it holds."""
+    """One capture in the scene: a subject's body, a thing that it holds, or a prop."""
 
-    subject: str
+    subject: str  # or the name of the prop
     part: str  # `body`, or the name of the thing
     name: str  # of files and nodes; no other piece has it
     sequence: MeshSequence
@@ -40,13 +41,26 @@ class ExportScene:
     edit: EditedScene
     pieces: tuple[Piece, ...]
 
+    @property
+    def movers(self) -> tuple[str, ...]:
+        """Everything that stands somewhere: subjects, then props."""
+        return (*self.edit.subjects, *self.edit.props)
+
     def pieces_of(self, subject: str) -> tuple[Piece, ...]:
-        """A subject's body and the things that it holds."""
+        """A subject's body and the things that it holds; of a prop, itself."""
         return tuple(piece for piece in self.pieces if piece.subject == subject)
 
     def source(self, piece: Piece) -> IntArray:
         """(N,) captured frame in each frame of the scene."""
-        return self.edit.subjects[piece.subject].source
+        prop = self.edit.props.get(piece.subject)
+        return self.edit.subjects[piece.subject].source if prop is None else prop.frames
+
+    def placed(self, piece: Piece, mesh: Mesh, frame: int) -> FloatArray:
+        """(V, 3) m, the vertices of a piece's mesh in a frame of the scene, in the world."""
+        prop = self.edit.props.get(piece.subject)
+        if prop is None:
+            return apply_pose(self.edit.subjects[piece.subject].placements[frame], mesh.vertices)
+        return np.asarray(mesh.vertices @ rotation_matrices(prop.rotations[frame]).T + prop.positions[frame])
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,16 +113,11 @@ def points_of(mesh: Mesh) -> Float32Array:
     return np.ascontiguousarray(mesh.vertices, np.float32)
 
 
-def placed_points(mesh: Mesh, placement: FloatArray) -> FloatArray:
-    """(V, 3) m, in the world."""
-    return apply_pose(placement, mesh.vertices)
-
-
 def placement_steps(placements: FloatArray) -> Iterator[tuple[int, FloatArray]]:
     """Frames at which a placement has to be told: both ends of every stretch over which it does not change.
 
     Args:
-        placements: (N, 3) x, y m and yaw rad.
+        placements: (N, C) x, y m and yaw rad, or other numbers that say where something is.
     """
     moves = (placements[1:] != placements[:-1]).any(1)
     for frame in range(len(placements)):

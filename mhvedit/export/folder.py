@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mhvedit.export.content import Exported, ExportScene, LooksOf, Piece, Tell, placed_points
+from mhvedit.export.content import Exported, ExportScene, LooksOf, Piece, Tell
 from mhvedit.export.pictures import PictureFolder
 from mhvedit.export.target import mark_folder, put_folder, staged
 from mhvedit.geometry.arrays import Int32Array
@@ -58,13 +58,12 @@ def _write_piece(
 ) -> None:
     """All frames of one piece."""
     folder.mkdir(parents=True)
-    edit = scene.edit.subjects[piece.subject]
     library = MaterialLibrary(folder, f"{piece.name}.mtl")
     digits = max(DIGITS, len(str(scene.edit.n_frames - 1)))
-    for k, number in enumerate(edit.source.tolist()):
+    for k, number in enumerate(scene.source(piece).tolist()):
         mesh = piece.sequence.mesh(number)
         seen = looks.at(number, mesh)
-        world = from_metres_z_up(placed_points(mesh, edit.placements[k]), units="m", up=up).astype(np.float32)
+        world = from_metres_z_up(scene.placed(piece, mesh, k), units="m", up=up).astype(np.float32)
         file = folder / f"{piece.name}_{k:0{digits}d}.{files}"
         if files is MeshFormat.OBJ:
             file.write_bytes(obj_bytes(world, mesh.faces, seen, library))

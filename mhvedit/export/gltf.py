@@ -26,6 +26,7 @@ from mhvedit.export.draco import packed_mesh
 from mhvedit.export.glb_file import INDICES, VERTICES, GlbFile, Json, check_size, described
 from mhvedit.export.target import put_file, staged
 from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.glb import DRACO
 from mhvedit.sequences.looks import Float32Array, Looks, Material, web_picture
 from mhvedit.sequences.meshes import Mesh
@@ -123,8 +124,8 @@ class _Writer:
         return looks.warnings
 
     def put_scene(self) -> None:
-        """Subjects with their placements, the root, and what else a file has to say."""
-        subjects = [self._put_subject(name) for name in self.scene.edit.subjects]
+        """Subjects and props where they stand, the root, and what else a file has to say."""
+        subjects = [self._put_subject(name) for name in self.scene.movers]
         root = self.file.add("nodes", {"name": self.scene.edit.name, "matrix": Z_UP_IN_Y_UP, "children": subjects})
         head = self.file.head
         head |= {
@@ -137,12 +138,11 @@ class _Writer:
             head |= {"extensionsUsed": [DRACO], "extensionsRequired": [DRACO]}
 
     def _put_subject(self, name: str) -> int:
-        """The node that stands where the subject stands; its last keys hold the last frame for as long as it lasts."""
-        placements, n = self.scene.edit.subjects[name].placements, self.scene.edit.n_frames
+        """The node that stands where the subject or prop does; its last keys hold the last frame while that lasts."""
+        placements, n = _placements(self.scene.edit, name), self.scene.edit.n_frames
         keys = [*placement_steps(placements), (n, placements[-1])]
         frames, rows = np.array([frame for frame, _ in keys]), np.array([row for _, row in keys])
-        moved = np.stack([rows[:, 0], rows[:, 1], np.zeros(len(rows))], 1).astype(np.float32)
-        turned = _about_z(rows[:, 2])
+        moved, turned = rows[:, :3].astype(np.float32), rows[:, 3:].astype(np.float32)
         node = self.file.add(
             "nodes",
             {
@@ -297,7 +297,11 @@ def _by_material(n_faces: int, looks: Looks | None) -> list[tuple[int, IntArray]
     return [(int(index), np.flatnonzero(looks.material == index)) for index in np.unique(looks.material)]
 
 
-def _about_z(yaw: FloatArray) -> Float32Array:
-    """(N, 4) quaternions x, y, z, w."""
+def _placements(scene: EditedScene, name: str) -> FloatArray:
+    """(N, 7) place m and quaternion x, y, z, w of a subject or a prop."""
+    if name in scene.props:
+        prop = scene.props[name]
+        return np.concatenate([prop.positions, prop.rotations], 1)
+    x, y, yaw = scene.subjects[name].placements.T
     zero = np.zeros(len(yaw))
-    return np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], 1).astype(np.float32)
+    return np.stack([x, y, zero, zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], 1)

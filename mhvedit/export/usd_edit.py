@@ -49,7 +49,7 @@ def write_usd_edit(scene: ExportScene, path: Path, *, assets: Path, up: str, tel
         start_stage(layer, scene, up=up)
         pictures = PictureFolder(made / "pictures", shared=True)
         subjects = set[str]()
-        for name in scene.edit.subjects:
+        for name in scene.movers:
             parent, parts = put_subject(layer, scene, name, identifier(name, subjects)), set[str]()
             for piece in scene.pieces_of(name):
                 inside = f"{parent}/{identifier(piece.part, parts)}"

@@ -12,6 +12,7 @@ from mhvedit.export.target import ExportError, put_file, put_folder, staged
 from mhvedit.export.usd_library import TURNED_Y_UP, describe_stage, identifier, pxr, writing
 from mhvedit.export.usd_meshes import PieceWriter
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.scene.edit import PropEdit
 from mhvedit.sequences.looks import Looks
 from mhvedit.sequences.meshes import Mesh
 
@@ -82,13 +83,23 @@ def put_order(prim: Any, names: list[str]) -> None:  # noqa: ANN401 - pxr has no
 
 
 def put_subject(layer: Any, scene: ExportScene, name: str, prim_name: str) -> str:  # noqa: ANN401
-    """A prim for a subject, with its placement as translation and turn about z; returns its path."""
+    """A prim for a subject or a prop, with its placement as translation and turn; returns its path."""
     lib = pxr()
     path = f"/{WORLD}/{prim_name}"
     prim = lib.Sdf.CreatePrimInLayer(layer, path)
     prim.specifier, prim.typeName = lib.Sdf.SpecifierDef, "Xform"
     prim.SetInfo("kind", "component")
-    placements = np.array(scene.edit.subjects[name].placements)
+    if name in scene.edit.props:
+        _put_prop(layer, prim, scene.edit.props[name])
+    else:
+        _put_placements(layer, prim, scene.edit.subjects[name].placements)
+    return path
+
+
+def _put_placements(layer: Any, prim: Any, placed: FloatArray) -> None:  # noqa: ANN401
+    """A subject's placement: translation, and a turn about z."""
+    lib = pxr()
+    placements = np.array(placed)
     placements[:, 2] = np.unwrap(placements[:, 2])
     moved = lib.Sdf.AttributeSpec(prim, "xformOp:translate", lib.Sdf.ValueTypeNames.Double3)
     turned = lib.Sdf.AttributeSpec(prim, "xformOp:rotateZ", lib.Sdf.ValueTypeNames.Double)
@@ -97,14 +108,25 @@ def put_subject(layer: Any, scene: ExportScene, name: str, prim_name: str) -> st
     for frame, (_, _, yaw) in placement_steps(placements * [0.0, 0.0, 1.0]):
         layer.SetTimeSample(turned.path, float(frame), float(np.degrees(yaw)))
     put_order(prim, ["xformOp:translate", "xformOp:rotateZ"])
-    return path
+
+
+def _put_prop(layer: Any, prim: Any, edit: PropEdit) -> None:  # noqa: ANN401
+    """A prop's pose: translation, and a quaternion."""
+    lib = pxr()
+    moved = lib.Sdf.AttributeSpec(prim, "xformOp:translate", lib.Sdf.ValueTypeNames.Double3)
+    turned = lib.Sdf.AttributeSpec(prim, "xformOp:orient", lib.Sdf.ValueTypeNames.Quatd)
+    for frame, place in placement_steps(edit.positions):
+        layer.SetTimeSample(moved.path, float(frame), lib.Gf.Vec3d(*place.tolist()))
+    for frame, (x, y, z, w) in placement_steps(edit.rotations):
+        layer.SetTimeSample(turned.path, float(frame), lib.Gf.Quatd(float(w), float(x), float(y), float(z)))
+    put_order(prim, ["xformOp:translate", "xformOp:orient"])
 
 
 def define_pieces(stage: Any, scene: ExportScene) -> dict[Piece, str]:  # noqa: ANN401 - pxr has no types
-    """Prims of all subjects, and of their pieces below them; paths of the latter."""
+    """Prims of all subjects and props, and of their pieces below them; paths of the latter."""
     lib = pxr()
     found, taken = dict[Piece, str](), set[str]()
-    for name in scene.edit.subjects:
+    for name in scene.movers:
         subject = put_subject(stage.GetRootLayer(), scene, name, identifier(name, taken))
         inside = set[str]()
         for piece in scene.pieces_of(name):

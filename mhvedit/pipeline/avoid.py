@@ -26,6 +26,7 @@ from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.files import replacing
 from mhvedit.pipeline.avoid_report import Findings, as_report, posture_story, reasons, said_steps
 from mhvedit.pipeline.motions import open_motion
+from mhvedit.pipeline.posture_file import POSTURES, postures_of, write_postures
 from mhvedit.pipeline.progress import Progress
 from mhvedit.sequences.formats import parse_mesh
 from mhvedit.skeleton.limits import said_beyond_limits
@@ -73,7 +74,7 @@ class AvoidOutcome:
 
 
 def run_avoid(path: Path, out: Path, *, options: AvoidOptions, progress: Progress | None = None) -> AvoidOutcome:
-    """Free a motion of self-collision and write it with `report.json` and `report.html`.
+    """Free a motion of self-collision and write it with `postures.npz`, `report.json` and `report.html`.
 
     Args:
         path: skinned `.npz`, or `.bvh`.
@@ -109,6 +110,7 @@ def run_avoid(path: Path, out: Path, *, options: AvoidOptions, progress: Progres
     report = as_report(found)
     out.mkdir(parents=True, exist_ok=True)
     opened.write(out / f"motion{opened.suffix}", avoided.motion)
+    write_postures(out / POSTURES, postures_of(found))
     with replacing(out / "report.json") as beside:
         beside.write_text(json.dumps(report, indent=1), encoding="utf-8")
     if options.report:

@@ -1,6 +1,7 @@
 """Everybody's coarse surfaces through a scene, and the things that stand in the way on the stage."""
 
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,11 +14,12 @@ from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.store import Arrays, Store
 from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile
-from mhvedit.scene.shells import Cells, Shells, cells_of, shell_of, stacked, touching
+from mhvedit.scene.shells import Cells, Float32Array, Shells, cells_of, shell_of, stacked, touching
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.volumes.parts import OwnMesh
 
 VERSION: Final = 1  # of what is kept; raise it when shells change
+THREADS: Final = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,8 +130,12 @@ def _body(scene: SceneFile, person: Person, source: IntArray, wanted: BoolArray,
     spec = scene.subjects[person.subject.name]
     sequences = solids_of(person)
 
+    def shell(number: int) -> Float32Array:
+        return np.concatenate([shell_of(sequence.mesh(number)) for sequence in sequences])
+
     def build() -> Arrays:
-        shells = stacked([np.concatenate([shell_of(s.mesh(int(n))) for s in sequences]) for n in numbers])
+        with ThreadPoolExecutor(THREADS) as pool:
+            shells = stacked(list(pool.map(shell, numbers.tolist())))
         return {"points": shells.points, "stops": shells.stops}
 
     frames = [frames_key(sequence, numbers, store.contents) for sequence in sequences]

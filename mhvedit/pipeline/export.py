@@ -139,8 +139,14 @@ def export_scene(edit: EditedScene, job: Job, out: Path) -> ExportScene:
     if set(edit.subjects) != set(job.subjects):
         expected = f"the subjects of {job.scene.file} ({', '.join(sorted(job.subjects))})"
         raise CaptureError(out / EDIT, expected, ", ".join(sorted(edit.subjects)))
-    taken = set(edit.subjects)
+    if set(edit.props) != set(job.props):
+        expected = f"the props of {job.scene.file} ({', '.join(sorted(job.props)) or 'none'})"
+        found = f"{', '.join(sorted(edit.props)) or 'none'}: run `mhvedit solve` again"
+        raise CaptureError(out / EDIT, expected, found)
+    taken = {*edit.subjects, *edit.props}
     pieces = [piece for name in edit.subjects for piece in _pieces(job.subjects[name], job.scene.subjects[name], taken)]
+    for name, prop in job.props.items():
+        pieces.append(Piece(name, BODY, name, prop.sequence, prop.spec.path.path, prop.spec.units, prop.spec.up))
     scene = ExportScene(edit, tuple(pieces))
     check_frames(scene)
     return scene
@@ -170,12 +176,12 @@ def _write_film(scene: ExportScene, job: Job, to: Path, settings: ExportSettings
     edit = scene.edit
     size = even_size(*(settings.size or MOVIE_SIZE))
     fps = settings.fps or edit.fps
-    bodies = {piece.subject: piece.sequence for piece in scene.pieces if piece.part == BODY}
+    captures = {piece.subject: piece.sequence for piece in scene.pieces if piece.part == BODY}
     things = {name: [piece.sequence for piece in scene.pieces_of(name) if piece.part != BODY] for name in edit.subjects}
     tell("movie: cameras", 0.0)
-    cameras = _cameras(edit, job, to, settings.camera or FIXED, bodies, things, aspect=size[0] / size[1])
+    cameras = _cameras(edit, job, to, settings.camera or FIXED, captures, things, aspect=size[0] / size[1])
     shown = frames_shown(edit.n_frames, edit.fps, fps)
-    drawn = film(edit, bodies, frames=shown, cameras=cameras, size=size, things=things)
+    drawn = film(edit, captures, frames=shown, cameras=cameras, size=size, things=things)
 
     def told() -> Iterator[ByteArray]:
         for done, picture in enumerate(drawn):
@@ -195,7 +201,7 @@ def _cameras(
     job: Job,
     to: Path,
     camera: str,
-    bodies: Mapping[str, MeshSequence],
+    captures: Mapping[str, MeshSequence],
     things: Mapping[str, Sequence[MeshSequence]],
     *,
     aspect: float,
@@ -205,7 +211,7 @@ def _cameras(
         return eyes_of(edit, job, camera)
     if camera not in (FIXED, ORBIT):
         raise ExportError(to, f"--camera {FIXED}, {ORBIT}, {' or '.join(edit.subjects)}", repr(camera))
-    boxes = scene_boxes(edit, bodies, things=things)
+    boxes = scene_boxes(edit, captures, things=things)
     return fixed_cameras(boxes, aspect=aspect) if camera == FIXED else orbit_cameras(boxes, aspect=aspect)
 
 

@@ -18,6 +18,7 @@ from mhvedit.files import replacing, write_arrays
 from mhvedit.geometry.moved import moved_poses
 from mhvedit.geometry.planar import invert
 from mhvedit.pipeline.job import Result
+from mhvedit.pipeline.props_pass import entered
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.scene.edit import edit_as_dict
 from mhvedit.scene.report import SceneReport, report_as_dict
@@ -187,7 +188,7 @@ def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[st
         "check": None if check is None else report_as_dict(check),
         "unchecked": UNCHECKED if assembly and check is None else None,
         "problems": list(problems),
-    }
+    } | ({"entered": entered(check, result.job.props)} if check is not None and result.job.props else {})
 
 
 def _segment_as_dict(segment: SolvedSegment, row: int | None, result: Result) -> dict[str, Any]:

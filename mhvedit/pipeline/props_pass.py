@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.quaternions import quaternions_of, rotation_matrices, slerp
@@ -15,10 +16,12 @@ from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, PropEdit
+from mhvedit.scene.report import SceneReport
 from mhvedit.skeleton.bvh import JointMotion
 from mhvedit.volumes.parts import OwnMesh
 
 VERSION: Final = 1  # of what is kept; raise it when the simulation changes
+NOTABLE: Final = 0.005  # m, that somebody may be inside a prop without a word
 Track = tuple[FloatArray, FloatArray]  # positions (N, 3) m and rotations (N, 4) x, y, z, w
 
 
@@ -91,6 +94,30 @@ def shown_frames(prop: Prop, scene: EditedScene) -> IntArray:
     return np.asarray(numbers[np.minimum(row.astype(np.int64), len(numbers) - 1)])
 
 
+def entered(report: SceneReport, props: Mapping[str, Prop]) -> list[dict[str, Any]]:
+    """Where people reach into props that stand, as `report.json` has it: one entry for each run of frames.
+
+    Args:
+        report: the check on the meshes.
+        props: by name.
+    """
+    found = []
+    for pair in report.pairs:
+        who, what = pair.between
+        deep = np.flatnonzero(pair.gap < -NOTABLE) if what in props else np.zeros(0, np.int64)
+        for run in np.split(deep, np.flatnonzero(np.diff(deep) > 1) + 1):
+            if len(run):
+                first, last, depth = int(run[0]), int(run[-1]), -1000 * float(pair.gap[run].min())
+                where = f"frames {first}-{last}" if last > first else f"frame {first}"
+                found.append(
+                    {
+                        "subject": who, "prop": what, "first": first, "last": last, "depth_mm": round(depth, 1),
+                        "sentence": f"{who} enters {what} by {depth:.0f} mm in {where}",
+                    }
+                )  # fmt: skip
+    return found
+
+
 def _resampled(motion: JointMotion, n_frames: int, fps: float) -> Track:
     """A motion at the rate of the scene, from its first frame on."""
     at = np.minimum(np.arange(n_frames) * (motion.fps / fps), len(motion.positions) - 1)
@@ -127,14 +154,16 @@ def _key(
         people.append((name, frames, spec.units, spec.up, own.placements.tolist()))
     bodies = []
     for name, prop in props.items():
-        motion = None if prop.spec.motion is None else known.of([prop.spec.motion.path.path])
-        bodies.append((name, known.of(prop.sequence.files), prop.sequence.numbers, motion, prop.spec))
+        thing, asked = prop.spec, prop.spec.motion
+        motion = None if asked is None else (known.of([asked.path.path]), asked.joint, asked.units, asked.up)
+        what = (thing.kind, thing.material, thing.mass, thing.place, thing.units, thing.up)
+        bodies.append((name, known.of(prop.sequence.files), prop.sequence.numbers, prop.sequence.fps, what, motion))
     return ("props", VERSION, edit.fps, edit.n_frames, people, bodies)
 
 
 def as_arrays(tracks: Mapping[str, Track], said: list[str]) -> Arrays:
     """Tracks and sentences as they are kept."""
-    arrays = {"said": np.array(said, np.str_)}
+    arrays: dict[str, NDArray[Any]] = {"said": np.array(said, np.str_)}
     for name, (positions, rotations) in tracks.items():
         arrays |= {f"{name}:at": positions, f"{name}:turn": rotations}
     return arrays

@@ -178,7 +178,8 @@ def _verified(out: Path, answer: Outcome, *, workers: int, page: bool, tell: Pro
     note(out, standing.answer, names, files)
     if page:
         tell("report", 0.0)
-        _draw(out / PAGE, result, found, problems=problems, warnings=tuple(answer.report["warnings"]))
+        warnings = (*answer.report["warnings"], *(run["sentence"] for run in content.get("entered", ())))
+        _draw(out / PAGE, result, found, problems=problems, warnings=warnings)
         note(out, standing.answer, names, [*files, PAGE])
     return Outcome(result, content, redone=True)
 

@@ -43,7 +43,8 @@ def report_content(
         name=result.job.scene.name,
         stories=stories,
         scene=scene,
-        captures={name: person.sequence for name, person in result.people.items()},
+        captures={name: person.sequence for name, person in result.people.items()}
+        | {name: prop.sequence for name, prop in result.job.props.items()},
         things={name: _things(person) for name, person in result.people.items()},
         check=None if check is None else scene_check(check),
         limit_mm=limit_mm,

@@ -108,13 +108,12 @@ def _motion(at: Value, prop: Mapping[str, Value]) -> MotionSpec:
     if prop["class"].value != "driven":
         raise at.error('nothing, unless the class is "driven"')
     entries = fields(at if isinstance(at.value, dict) else Value(at.file, at.key, {"path": at.value}), MOTION)
-    units, up, joint = (
-        entries[key] if entries[key].value is not None else prop.get(key) for key in ("units", "up", "joint")
-    )
+    units, up = (entries[key] if entries[key].value is not None else prop[key] for key in ("units", "up"))
+    joint = entries["joint"]
     path = entries["path"] if isinstance(at.value, dict) else at
     return MotionSpec(
         path=file_path(path, "a BVH file"),
-        joint=None if joint is None else text(joint, "the name of a joint"),
+        joint=None if joint.value is None else text(joint, "the name of a joint"),
         units=one_of(units, METRES),
         up=one_of(up, UP_AXES),
     )

@@ -402,9 +402,7 @@ def _sift_every(  # noqa: C901
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _shared(
-    a: Words, at_a: np.uint64, b: Words, at_b: np.uint64, low: np.uint64, high: np.uint64
-) -> np.uint64:
+def _shared(a: Words, at_a: np.uint64, b: Words, at_b: np.uint64, low: np.uint64, high: np.uint64) -> np.uint64:
     """Bits that two rows have in common over a range of words."""
     common = np.uint64(0)
     for w in range(low, high):

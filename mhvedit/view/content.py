@@ -73,7 +73,7 @@ class ReportContent:
     name: str
     stories: Sequence[SegmentStory]
     scene: EditedScene | None = None  # None where nothing could be placed
-    captures: Mapping[str, MeshSequence] = field(default_factory=dict)  # by subject
+    captures: Mapping[str, MeshSequence] = field(default_factory=dict)  # by subject, and by prop
     things: Mapping[str, Sequence[MeshSequence]] = field(default_factory=dict)  # by subject: own meshes, as swords
     check: SceneCheck | None = None
     limit_mm: float | None = None  # how deep bodies may sink into each other

@@ -8,7 +8,7 @@ import numpy as np
 from mhvedit.geometry.arrays import ByteArray, FloatArray
 from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.meshes import MeshSequence
-from mhvedit.view.renders import ELEVATION, Size, first_person, frame_picture, scene_meshes
+from mhvedit.view.renders import ELEVATION, Size, first_person, frame_picture, prop_meshes, scene_meshes
 from mhvedit.view.studio import UP, Camera, camera_axes, distance_needed, studio
 
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
@@ -39,7 +39,7 @@ def film(
 
     Args:
         scene: the edit.
-        captures: by subject.
+        captures: by subject, and by prop.
         frames: of the scene, in the order of the movie.
         cameras: a camera for each frame of the scene, or somebody's eyes.
         size: width and height in pixels.
@@ -56,11 +56,12 @@ def film(
         for frame in frames:
             if frame != last:
                 meshes = scene_meshes(scene, captures, frame, things=things)
+                props = prop_meshes(scene, captures, frame)
                 if isinstance(cameras, Eyes):
                     eye, direction = cameras.eye[frame], cameras.direction[frame]
-                    picture = first_person(meshes, eye, direction, own=cameras.subject, plotter=stage)
+                    picture = first_person(meshes, eye, direction, props=props, own=cameras.subject, plotter=stage)
                 else:
-                    picture = frame_picture(meshes, view=cameras[frame], plotter=stage)
+                    picture = frame_picture(meshes, props=props, view=cameras[frame], plotter=stage)
                 last = frame
             yield picture
 

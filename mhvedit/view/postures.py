@@ -110,7 +110,7 @@ def posture_strips(story: PostureStory) -> list[Picture]:
     numbers = ", ".join(map(str, story.frames))
     with studio(*SIZE) as plotter:
         rows = []
-        looks = [_look(story, v, c) for v, c in zip(story.before, story.coloured_before, strict=True)]
+        looks = [telling_look(v, story.faces[c]) for v, c in zip(story.before, story.coloured_before, strict=True)]
         for vertices, coloured in ((story.before, story.coloured_before), (story.after, story.coloured_after)):
             drawn = zip(vertices, coloured, looks, strict=True)
             rows.append(np.concatenate([_body(plotter, story, v, c, look) for v, c, look in drawn], 1))
@@ -139,11 +139,16 @@ def depth_chart(story: PostureStory) -> Figure:
     return figure
 
 
-def _look(story: PostureStory, vertices: FloatArray, coloured: BoolArray) -> FloatArray:
-    """(3,) from the eye to the body: from the side on which limbs collide, a little from above."""
-    if not coloured.any():
+def telling_look(vertices: FloatArray, coloured: Int32Array) -> FloatArray:
+    """(3,) from the eye to the body: from the side on which limbs collide, a little from above.
+
+    Args:
+        vertices: (V, 3) m.
+        coloured: (K, 3) triangles of the limbs that collide.
+    """
+    if not len(coloured):
         return LOOK
-    side = (vertices[story.faces[coloured]].mean((0, 1)) - vertices.mean(0))[:2]
+    side = (vertices[coloured].mean((0, 1)) - vertices.mean(0))[:2]
     length = float(np.linalg.norm(side))
     return LOOK if length < IN_THE_MIDDLE else np.array([*(-side / length * np.hypot(*LOOK[:2])), LOOK[2]])
 

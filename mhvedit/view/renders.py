@@ -10,10 +10,10 @@ from skimage.measure import marching_cubes
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
 from mhvedit.geometry.planar import apply_pose
-from mhvedit.scene.edit import EditedScene, placed_mesh
+from mhvedit.scene.edit import EditedScene, placed_mesh, placed_prop
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view.captions import captioned, ringed
-from mhvedit.view.stage import add_floor, add_ghost, add_person, add_voxels, colours_by_label, colours_by_time
+from mhvedit.view.stage import add_floor, add_ghost, add_person, add_prop, add_voxels, colours_by_label, colours_by_time
 from mhvedit.view.studio import UP, Camera, camera_axes, distance_needed, empty_stage, framing, studio, take_picture
 from mhvedit.view.style import SUBJECTS, subject_colours
 from mhvedit.volumes.history import MotionHistoryVolume
@@ -51,6 +51,7 @@ class Colouring(StrEnum):
 def frame_picture(
     meshes: Mapping[str, Mesh],
     *,
+    props: Sequence[Mesh] = (),
     view: View | Camera = View.SIDE,
     size: Size = FRAME_SIZE,
     plotter: pyvista.Plotter | None = None,
@@ -59,6 +60,7 @@ def frame_picture(
 
     Args:
         meshes: of each subject, in the world; the first is A.
+        props: in the world; the camera of a named view does not go by them.
         view: a named one, or a camera.
         size: of a plotter of its own, where none is given.
         plotter: of `studio`, to draw many pictures with.
@@ -72,7 +74,7 @@ def frame_picture(
     with _on(plotter, size) as stage:
         width, height = stage.window_size
         camera = view if isinstance(view, Camera) else camera_of(view, meshes, aspect=width / height)
-        _set_stage(stage, meshes)
+        _set_stage(stage, meshes, props)
         return take_picture(stage, camera)
 
 
@@ -81,6 +83,7 @@ def first_person(
     eye: FloatArray,
     direction: FloatArray,
     *,
+    props: Sequence[Mesh] = (),
     own: str | None = None,
     half_angle: float | None = None,
     size: Size = FRAME_SIZE,
@@ -92,6 +95,7 @@ def first_person(
         meshes: of each subject, in the world.
         eye: (3,) m, in the world.
         direction: (3,) of the gaze, in the world.
+        props: in the world.
         own: whose eye it is: that one's head is left out, and with it what is as near.
         half_angle: of the cone of sight, rad, drawn as a ring.
         size: of a plotter of its own, where none is given.
@@ -106,7 +110,7 @@ def first_person(
     forward = direction / np.linalg.norm(direction)
     up = UP if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
     with _on(plotter, size) as stage:
-        _set_stage(stage, {name: without_head(m, eye) if name == own else m for name, m in meshes.items()})
+        _set_stage(stage, {name: without_head(m, eye) if name == own else m for name, m in meshes.items()}, props)
         picture = take_picture(stage, Camera(eye, eye + forward, up, EYE_ANGLE, EYE_NEAR))
     if half_angle is None:
         return picture
@@ -167,6 +171,7 @@ def filmstrip(
     frames: Sequence[Mapping[str, Mesh]],
     captions: Sequence[str],
     *,
+    props: Sequence[Sequence[Mesh]] | None = None,
     height: int = STRIP_HEIGHT,
     plotter: pyvista.Plotter | None = None,
 ) -> ByteArray:
@@ -175,6 +180,7 @@ def filmstrip(
     Args:
         frames: of each the subjects' meshes, in the world; at least one.
         captions: of each.
+        props: of each the meshes of props, in the world.
         height: pixels, of a plotter of its own, where none is given.
         plotter: of `studio`, wide enough for the widest frame, to draw many pictures with.
 
@@ -187,8 +193,10 @@ def filmstrip(
     with _on(plotter, (STRIP_ASPECT * height, height)) as stage:
         width, height = stage.window_size
         panels = []
-        for meshes, camera, caption in zip(frames, strip_cameras(frames, width / height), captions, strict=True):
-            picture = frame_picture(meshes, view=camera, plotter=stage)
+        cameras = strip_cameras(frames, width / height)
+        beside = [()] * len(frames) if props is None else props
+        for meshes, own, camera, caption in zip(frames, beside, cameras, captions, strict=True):
+            picture = frame_picture(meshes, props=own, view=camera, plotter=stage)
             panels.append(captioned(_as_wide_as_needed(picture, meshes, camera), caption))
     gutter = np.full((height, max(2, height // 90), 3), 255, np.uint8)
     return np.concatenate([piece for panel in panels for piece in (gutter, panel)][1:], axis=1)
@@ -263,6 +271,17 @@ def scene_meshes(
     return placed
 
 
+def prop_meshes(scene: EditedScene, captures: Mapping[str, MeshSequence], frame: int) -> list[Mesh]:
+    """All props in one frame of the scene, in the world.
+
+    Args:
+        scene: the edit.
+        captures: by name, of props as of subjects; props that are not there are left out.
+        frame: of the scene, from 0.
+    """
+    return [placed_prop(scene, captures, name, frame) for name in scene.props if name in captures]
+
+
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     if len(meshes) == 1:
@@ -292,13 +311,16 @@ def _on(plotter: pyvista.Plotter | None, size: Size) -> Iterator[pyvista.Plotter
         yield own
 
 
-def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh]) -> None:
+def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh], props: Sequence[Mesh] = ()) -> None:
     empty_stage(stage)
     colours = subject_colours(list(meshes))
     for name, mesh in meshes.items():
         add_person(stage, mesh, colours[name])
+    for mesh in props:
+        add_prop(stage, mesh)
     clouds = [mesh.vertices for mesh in meshes.values()]
-    add_floor(stage, np.concatenate(clouds)[:, :2].mean(0), clouds)
+    middle = np.concatenate(clouds)[:, :2].mean(0)
+    add_floor(stage, middle, clouds + [mesh.vertices for mesh in props])
 
 
 def _apart(meshes: Mapping[str, Mesh]) -> FloatArray:

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from mhvedit.geometry.arrays import ByteArray, FloatArray, Int32Array
 from mhvedit.geometry.planar import apply_pose, rotation
 from mhvedit.sequences.meshes import Mesh
-from mhvedit.view.style import FLOOR, LABELS, lighter, rgb, time_colours
+from mhvedit.view.style import FLOOR, LABELS, PROPS, lighter, rgb, time_colours
 from mhvedit.volumes.history import MotionHistoryVolume
 from mhvedit.volumes.surface import surface_labels
 
@@ -38,6 +38,15 @@ def add_person(plotter: pyvista.Plotter, mesh: Mesh, colour: str, *, opacity: fl
         surface, color=lighter(colour, PALER), opacity=opacity, smooth_shading=True, split_sharp_edges=False,
         ambient=0.22, diffuse=0.85, specular=0.12, specular_power=12, render=False, reset_camera=False,
         show_scalar_bar=False,
+    )  # fmt: skip
+
+
+def add_prop(plotter: pyvista.Plotter, mesh: Mesh, name: str | None = None) -> None:
+    """A thing of the set, its edges as they are; its actor gets a name where one is given."""
+    surface = pyvista.PolyData.from_regular_faces(mesh.vertices.astype(np.float32), mesh.faces)
+    plotter.add_mesh(
+        surface, color=PROPS, ambient=0.25, diffuse=0.8, render=False, reset_camera=False, show_scalar_bar=False,
+        name=name, pickable=False,
     )  # fmt: skip
 
 

@@ -12,7 +12,16 @@ from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view.captions import webp_bytes
 from mhvedit.view.content import ReportContent, SegmentStory, StorySide
-from mhvedit.view.renders import Colouring, View, filmstrip, first_person, frame_picture, scene_meshes, volume_picture
+from mhvedit.view.renders import (
+    Colouring,
+    View,
+    filmstrip,
+    first_person,
+    frame_picture,
+    prop_meshes,
+    scene_meshes,
+    volume_picture,
+)
 from mhvedit.view.studio import studio
 from mhvedit.view.words import edit_of, shown_frame
 
@@ -90,7 +99,8 @@ def scene_filmstrip(
     numbers = telling_frames(scene, n)
     frames = [scene_meshes(scene, captures, number, things=things) for number in numbers]
     captions = [f"{number / scene.fps:.1f} s" for number in numbers]
-    return filmstrip(frames, captions, plotter=plotter)
+    props = [prop_meshes(scene, captures, number) for number in numbers]
+    return filmstrip(frames, captions, props=props, plotter=plotter)
 
 
 def telling_frames(scene: EditedScene, n: int) -> list[int]:
@@ -133,7 +143,7 @@ def _story_pictures(
     meshes = _pair(content, story, number)
     return StoryPictures(
         strip=_strip_pictures(content, story, edit.start, edit.stop, strips),
-        frame=_frame_pictures(story, meshes, number, stills),
+        frame=_frame_pictures(story, meshes, _props(content, number), number, stills),
         eyes=_eye_pictures(content, story, number, stills),
         volumes=volumes,
     )
@@ -147,12 +157,19 @@ def _pair(content: ReportContent, story: SegmentStory, number: int) -> dict[str,
     return {name: meshes[name] for name in (*first, *(name for name in meshes if name not in first))}
 
 
+def _props(content: ReportContent, number: int) -> list[Mesh]:
+    """The meshes of all props in a frame of the scene."""
+    assert content.scene is not None
+    return prop_meshes(content.scene, content.captures, number)
+
+
 def _strip_pictures(
     content: ReportContent, story: SegmentStory, start: int, stop: int, strips: pyvista.Plotter
 ) -> tuple[Picture, ...]:
     numbers = [int(n) for n in np.unique(np.rint(np.linspace(start, stop - 1, STRIP_FRAMES)))]
     frames = [_pair(content, story, number) for number in numbers]
-    picture = filmstrip(frames, [f"frame {number}" for number in numbers], plotter=strips)
+    props = [_props(content, number) for number in numbers]
+    picture = filmstrip(frames, [f"frame {number}" for number in numbers], props=props, plotter=strips)
     alt = (
         f"{story.name}: {story.a.subject} and {story.b.subject} in frames {', '.join(map(str, numbers))}, from the side"
     )
@@ -160,13 +177,13 @@ def _strip_pictures(
 
 
 def _frame_pictures(
-    story: SegmentStory, meshes: Mapping[str, Mesh], number: int, stills: pyvista.Plotter
+    story: SegmentStory, meshes: Mapping[str, Mesh], props: Sequence[Mesh], number: int, stills: pyvista.Plotter
 ) -> tuple[Picture, ...]:
     pair = f"{story.a.subject} and {story.b.subject}"
     words = {View.SIDE: "from the side", View.TOP: "from above"}
     return tuple(
         as_picture(
-            frame_picture(meshes, view=view, plotter=stills),
+            frame_picture(meshes, props=props, view=view, plotter=stills),
             f"{story.name}: {pair} in frame {number}, {text}",
             f"Frame {number}, {text}",
         )
@@ -178,12 +195,14 @@ def _eye_pictures(
     content: ReportContent, story: SegmentStory, number: int, stills: pyvista.Plotter
 ) -> tuple[Picture, ...]:
     pictures = []
-    meshes = _pair(content, story, number)
+    meshes, props = _pair(content, story, number), _props(content, number)
     for side, other in ((story.a, story.b), (story.b, story.a)):
         if side.eye is None or side.gaze is None:
             continue
         eye, gaze = placed_gaze(content, side, number)
-        picture = first_person(meshes, eye, gaze, own=side.subject, half_angle=story.half_angle, plotter=stills)
+        picture = first_person(
+            meshes, eye, gaze, props=props, own=side.subject, half_angle=story.half_angle, plotter=stills
+        )
         ring = "; the ring is the cone of sight" if story.half_angle is not None else ""
         alt = f"{story.name}: what {side.subject} sees in frame {number}, looking towards {other.subject}{ring}"
         pictures.append(as_picture(picture, alt, f"What {side.subject} sees in frame {number}{ring}"))

@@ -17,6 +17,7 @@ MUTED: Final = "#5f6b76"
 GRID: Final = "#d9dee3"
 PAPER: Final = "#ffffff"
 FLOOR: Final = "#f3f4f6"
+PROPS: Final = "#b3aa9c"
 
 # Okabe and Ito's palette, strongest contrasts first
 SUBJECTS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

@@ -1,7 +1,6 @@
 """What keys and buttons do, by name: one table for the window and for the browser."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from math import degrees, pi, radians
 from typing import Final
@@ -9,17 +8,9 @@ from typing import Final
 from mhvedit.view.renders import Colouring
 from mhvedit.viewer import deciding, state
 from mhvedit.viewer.session import Session
-from mhvedit.viewer.state import SPEEDS, CameraPreset, Change, Layer, ViewerState
+from mhvedit.viewer.state import CameraPreset, Change, Layer, ViewerState
 
 ANGLE_STEP = 5.0  # degrees
-
-
-def _step(frames: int) -> Change:
-    return lambda now: replace(state.at_frame(now, now.frame + frames), playing=False)
-
-
-def _speed(places: int) -> Change:
-    return lambda now: state.at_speed(now, SPEEDS[min(max(SPEEDS.index(now.speed) + places, 0), len(SPEEDS) - 1)])
 
 
 def _angle(by: float) -> Change:
@@ -43,12 +34,12 @@ def _recoloured(now: ViewerState) -> ViewerState:
 
 CHANGES: Final[Mapping[str, Change]] = {
     "play": state.toggled_play,
-    "back": _step(-1),
-    "ahead": _step(1),
+    "back": partial(state.stepped, frames=-1),
+    "ahead": partial(state.stepped, frames=1),
     "first": lambda now: state.at_frame(now, 0),
     "last": lambda now: state.at_frame(now, now.material.n_frames - 1),
-    "slower": _speed(-1),
-    "faster": _speed(1),
+    "slower": partial(state.sped, places=-1),
+    "faster": partial(state.sped, places=1),
     "loop": lambda now: state.looped(now, not now.loop),
     "next segment": partial(state.next_segment, step=1),
     "last segment": partial(state.next_segment, step=-1),

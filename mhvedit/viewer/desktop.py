@@ -1,7 +1,8 @@
 """The viewer in a window: scene, map and time line side by side, steered by mouse and keys."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 import pyvista
@@ -27,7 +28,32 @@ from mhvedit.viewer.words import status
 SIZE = (1500, 860)
 TICK = 0.005  # s, between looks at what is to be done
 FIRST = 1.0  # priority of our own mouse and keys over those of VTK's style
-INSTALL = "a window needs a screen: set DISPLAY, or use `--web` (a browser) or `--shot FILE.png`"
+INSTALL = "a window needs a screen: set DISPLAY, or use `--shot FILE.png` or, for a scene, `--web` (a browser)"
+
+
+class Window(Protocol):
+    """What a window on the screen answers."""
+
+    plotter: pyvista.Plotter
+    open: bool  # until somebody closes it
+
+    def tick(self, seconds: float) -> None:
+        """Go on playing, draw what is new."""
+
+    def refresh(self) -> None:
+        """Draw what differs from what is on the screen."""
+
+    def key(self, name: str) -> None:
+        """A key was pressed."""
+
+    def press(self, x: float, y: float) -> bool:
+        """The mouse was pressed, pixels from the window's upper left corner; whether it was on a panel."""
+
+    def move(self, x: float, y: float) -> bool:
+        """The mouse was moved; whether a panel takes it."""
+
+    def release(self) -> None:
+        """The mouse was let go."""
 
 
 class Panel:
@@ -77,24 +103,12 @@ class DesktopViewer:
         self._dragging = False
         prepare(plotter)
         self.map_panel, self.timeline_panel = Panel(plotter), Panel(plotter)
-        self._listen()
+        listen(self)
 
     @property
     def layout(self) -> Layout:
         """Where the panels are now."""
         return layout_of(*self._size)
-
-    def run(self) -> None:
-        """Show the window until somebody closes it."""
-        self.refresh()
-        self.plotter.show(interactive_update=True, auto_close=False)
-        last = time.perf_counter()
-        while self.open:
-            now = time.perf_counter()
-            self.tick(now - last)
-            last = now
-            self.plotter.iren.process_events()
-            time.sleep(TICK)
 
     def tick(self, seconds: float) -> None:
         """Go on playing, take over what the background found, draw what is new."""
@@ -196,49 +210,12 @@ class DesktopViewer:
 
     def _write(self, words: tuple[str, ...]) -> None:
         self._words = words
-        text = self.plotter.add_text(
-            "\n".join(words), position="upper_left", font_size=9, color=INK, name="words", render=False,
-            font_file=str(FONT.with_stem("DejaVuSansMono") if self.help else FONT),
-        )  # fmt: skip
-        text.prop.background_color, text.prop.background_opacity = "white", 0.85
+        write_words(self.plotter, words, even=self.help)
 
     def _go_to(self, x: float) -> None:
         box = self.layout.timeline
         frame = frame_at(x - box.left, box.width, self.session.state.material.n_frames)
         self.session.do(lambda now: at_frame(now, frame))
-
-    def _listen(self) -> None:
-        """Our mouse and keys come before VTK's own; keys never reach it: it would draw wires and stereo."""
-        iren = self.plotter.iren.interactor
-        iren.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
-
-        def observe(event: str, handler: Callable[[], bool | None]) -> None:
-            tags: list[int] = []
-
-            def called(*_: object) -> None:
-                if handler():
-                    iren.GetCommand(tags[0]).SetAbortFlag(1)
-
-            tags.append(iren.AddObserver(event, called, FIRST))
-
-        def at() -> tuple[float, float]:
-            x, y = iren.GetEventPosition()
-            return x, self._size[1] - 1 - y
-
-        def key() -> bool:
-            self.key(iren.GetKeySym())
-            return True
-
-        def close() -> bool:
-            self.open = False
-            return False
-
-        observe("LeftButtonPressEvent", lambda: self.press(*at()))
-        observe("MouseMoveEvent", lambda: self.move(*at()))
-        observe("LeftButtonReleaseEvent", lambda: self.release())
-        observe("KeyPressEvent", key)
-        observe("CharEvent", lambda: True)
-        observe("ExitEvent", close)
 
 
 def open_window(session: Session, *, size: tuple[int, int] = SIZE) -> None:
@@ -247,14 +224,81 @@ def open_window(session: Session, *, size: tuple[int, int] = SIZE) -> None:
     Raises:
         MissingLibrary: there is no screen.
     """
+    try:
+        run_window(lambda plotter: DesktopViewer(session, plotter), size)
+    finally:
+        session.close()
+
+
+def run_window(make: Callable[[pyvista.Plotter], Window], size: tuple[int, int]) -> None:
+    """Show a window until somebody closes it.
+
+    Args:
+        make: fills it.
+        size: width and height, pixels.
+
+    Raises:
+        MissingLibrary: there is no screen.
+    """
     if not has_screen():
         raise MissingLibrary("the viewer's window", INSTALL)
     plotter = pyvista.Plotter(off_screen=False, window_size=size, lighting="none", title="mhvedit")
     try:
-        DesktopViewer(session, plotter).run()
+        window = make(plotter)
+        window.refresh()
+        plotter.show(interactive_update=True, auto_close=False)
+        last = time.perf_counter()
+        while window.open:
+            now = time.perf_counter()
+            window.tick(now - last)
+            last = now
+            plotter.iren.process_events()
+            time.sleep(TICK)
     finally:
         plotter.close()
-        session.close()
+
+
+def listen(window: Window) -> None:
+    """Our mouse and keys come before VTK's own; keys never reach it: it would draw wires and stereo."""
+    iren = window.plotter.iren.interactor
+    iren.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
+
+    def observe(event: str, handler: Callable[[], bool | None]) -> None:
+        tags: list[int] = []
+
+        def called(*_: object) -> None:
+            if handler():
+                iren.GetCommand(tags[0]).SetAbortFlag(1)
+
+        tags.append(iren.AddObserver(event, called, FIRST))
+
+    def at() -> tuple[float, float]:
+        x, y = iren.GetEventPosition()
+        return x, window.plotter.render_window.GetSize()[1] - 1 - y
+
+    def key() -> bool:
+        window.key(iren.GetKeySym())
+        return True
+
+    def close() -> bool:
+        window.open = False
+        return False
+
+    observe("LeftButtonPressEvent", lambda: window.press(*at()))
+    observe("MouseMoveEvent", lambda: window.move(*at()))
+    observe("LeftButtonReleaseEvent", lambda: window.release())
+    observe("KeyPressEvent", key)
+    observe("CharEvent", lambda: True)
+    observe("ExitEvent", close)
+
+
+def write_words(plotter: pyvista.Plotter, words: Sequence[str], *, even: bool) -> None:
+    """Lines of text in the scene's upper left corner; `even`: all letters of one width."""
+    text = plotter.add_text(
+        "\n".join(words), position="upper_left", font_size=9, color=INK, name="words", render=False,
+        font_file=str(FONT.with_stem("DejaVuSansMono") if even else FONT),
+    )  # fmt: skip
+    text.prop.background_color, text.prop.background_opacity = "white", 0.85
 
 
 def viewport(box: Box, width: int, height: int) -> tuple[float, float, float, float]:

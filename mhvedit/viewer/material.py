@@ -1,7 +1,7 @@
 """What there is to look at: who shows which frame where, and what was found for each key segment."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.picks import Frames, canonical_frames
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.project.schema import Spot
-from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
+from mhvedit.scene.edit import EditedScene, PropEdit, SegmentEdit, SubjectEdit
 from mhvedit.search.groups import SolutionGroup
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import OUTSIDE, ReasonMap
@@ -48,6 +48,14 @@ class Actor:
         if row >= len(self.gaze.numbers) or self.gaze.numbers[row] != number:
             return None
         return self.gaze.eye[row], self.gaze.direction[row]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetPiece:
+    """A prop, and where it is in each frame of the scene."""
+
+    sequence: MeshSequence
+    edit: PropEdit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +131,7 @@ class Material:
     spans: tuple[SegmentEdit, ...]  # key segments on the time line, also where nothing was searched yet
     placed: bool  # whether the placements are an answer
     notes: tuple[str, ...] = ()  # what is missing or has failed, in sentences
+    props: Mapping[str, SetPiece] = field(default_factory=dict)  # of an answer
 
     def segment(self, name: str) -> SegmentView | None:
         """A segment by name; None where it was not searched."""
@@ -186,7 +195,16 @@ def assembled(
     cast = {name: actor_of(person) for name, person in people.items()}
     if edit is not None:
         return Material(
-            edit.name, edit.fps, edit.n_frames, edit.subjects, cast, segments, edit.segments, placed=True, notes=notes
+            name=edit.name,
+            fps=edit.fps,
+            n_frames=edit.n_frames,
+            tracks=edit.subjects,
+            cast=cast,
+            segments=segments,
+            spans=edit.segments,
+            placed=True,
+            notes=notes,
+            props={n: SetPiece(job.props[n].sequence, own) for n, own in edit.props.items() if n in job.props},
         )
     line = lay_out(job.scene, people, job.fps)
     shown = {view.name: view.captured(best_guess(view)) for view in segments}

@@ -61,7 +61,7 @@ def open_scene(path: Path) -> Opened:
     if path.is_dir():
         return _open_output(path)
     if not path.exists():
-        raise CaptureError(path, "a scene file or an output folder of `mhvedit solve`", "nothing")
+        raise CaptureError(path, "a scene file or an output folder of `mhvedit solve` or `mhvedit avoid`", "nothing")
     try:
         job = load(path)
     except MhveditError as fault:
@@ -95,7 +95,9 @@ def _source_of(out: Path) -> Path:
     try:
         return out / str(json.loads((out / SOURCE).read_text())["scene"])
     except (OSError, ValueError, KeyError, TypeError) as fault:
-        raise CaptureError(out, "an output folder of `mhvedit solve`", f"no readable {SOURCE}") from fault
+        raise CaptureError(
+            out, "an output folder of `mhvedit solve` or `mhvedit avoid`", f"no readable {SOURCE}"
+        ) from fault
 
 
 def _open_rest(source: Path, out: Path | None, fault: MhveditError) -> Opened:

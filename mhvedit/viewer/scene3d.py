@@ -11,11 +11,13 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
 from mhvedit.geometry.planar import apply_pose, compose, rotation
+from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.view.renders import EYE_ANGLE, EYE_NEAR, OWN_HEAD, Colouring, View, camera_of
 from mhvedit.view.stage import (
     FLOOR_SIDE,
     PALER,
+    add_prop,
     colours_by_label,
     colours_by_time,
     floor_picture,
@@ -32,6 +34,7 @@ Volumes = tuple[MotionHistoryVolume, MotionHistoryVolume]  # A's and B's interes
 CONE_LENGTH = 1.2  # m
 CONE_SIDES = 36
 PATH_HEIGHT = 0.012  # m above the floor
+PROP = "prop "  # and its name: of actors
 STILL_SAMPLES = 8  # of a still picture's edges; none while it plays, which is what software rendering can do
 FAR = 60.0  # m
 EMPTY_STAGE = Camera(np.array([0.0, -6.0, 2.0]), np.array([0.0, 0.0, 0.8]), UP)
@@ -74,6 +77,7 @@ class Scene3D:
                     self._behead(name, frame, actor, number)
         for name in set(self.bodies) - set(state.material.cast):
             self.plotter.remove_actor(self.bodies.pop(name).actor, render=False)
+        self._draw_props(state)
         self._draw_floor(state)
         self._draw_paths(state, colours)
         self._draw_cones(state, placed, colours)
@@ -121,17 +125,25 @@ class Scene3D:
         fill(self.bodies[name].surface, kept)
         self.bodies[name].shown = None
 
+    def _draw_props(self, state: ViewerState) -> None:
+        known = state.material.props
+        for key in [key for key in self.extras if key.startswith(PROP) and key.removeprefix(PROP) not in known]:
+            self._remove(key)
+        for name, prop in known.items():
+            key, number = f"{PROP}{name}", int(prop.edit.frames[state.frame])
+            if not self._is_drawn(key, (prop.sequence, number)):
+                add_prop(self.plotter, prop.sequence.mesh(number), key)
+            pose = np.eye(4)
+            pose[:3, :3] = rotation_matrices(prop.edit.rotations[state.frame])
+            pose[:3, 3] = prop.edit.positions[state.frame]
+            self.plotter.actors[key].user_matrix = pose
+
     def _draw_floor(self, state: ViewerState) -> None:
         places = [track.placements for track in state.material.tracks.values()]
         middle = np.round(middle_of(state), 1)
         if self._is_drawn("floor", (tuple(middle), len(places))):
             return
-        plane = pyvista.Plane(center=(*middle, -0.002), direction=(0, 0, 1), i_size=FLOOR_SIDE, j_size=FLOOR_SIDE)
-        texture = pyvista.Texture(floor_picture(middle, []))
-        texture.InterpolateOn()
-        self.plotter.add_mesh(
-            plane, texture=texture, lighting=False, render=False, reset_camera=False, name="floor", pickable=False
-        )
+        put_floor(self.plotter, middle)
 
     def _draw_paths(self, state: ViewerState, colours: Mapping[str, str]) -> None:
         for name, actor in state.material.cast.items():
@@ -227,6 +239,16 @@ def prepare(plotter: pyvista.Plotter) -> None:
         light = pyvista.Light(position=place, intensity=strength, light_type="camera light")
         plotter.add_light(light)
     plotter.add_light(pyvista.Light(position=(0, 0, 8), focal_point=(0, 0, 0), intensity=0.25))
+
+
+def put_floor(plotter: pyvista.Plotter, middle: FloatArray) -> None:
+    """A floor in place of the one that is there; (2,) m, where it is seen best."""
+    plane = pyvista.Plane(center=(*middle, -0.002), direction=(0, 0, 1), i_size=FLOOR_SIDE, j_size=FLOOR_SIDE)
+    texture = pyvista.Texture(floor_picture(middle, []))
+    texture.InterpolateOn()
+    plotter.add_mesh(
+        plane, texture=texture, lighting=False, render=False, reset_camera=False, name="floor", pickable=False
+    )
 
 
 def fill(surface: pyvista.PolyData, frame: DrawnFrame) -> None:

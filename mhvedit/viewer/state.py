@@ -1,11 +1,13 @@
 """The one state that everything is drawn from, and the only ways to change it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import Field, dataclass, replace
 from enum import StrEnum
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import compose, wrap_angle
 from mhvedit.search.solve import ACCEPTED
@@ -15,6 +17,51 @@ from mhvedit.viewer.material import Material, SegmentView
 from mhvedit.viewer.preview import Cell, Preview, cell_of_row, preview_of
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+class Clip(Protocol):
+    """What has frames."""
+
+    @property
+    def n_frames(self) -> int:
+        """How many."""
+
+    @property
+    def fps(self) -> float:
+        """Hz."""
+
+
+class Playing(Protocol):
+    """A frozen state in which a clip plays."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def material(self) -> Clip:
+        """What plays."""
+
+    @property
+    def position(self) -> float:
+        """Frames from the start, with a fraction while it plays."""
+
+    @property
+    def frame(self) -> int:
+        """The frame that is shown."""
+
+    @property
+    def playing(self) -> bool:
+        """Whether time passes."""
+
+    @property
+    def speed(self) -> float:
+        """1 is as fast as it was captured."""
+
+    @property
+    def loop(self) -> bool:
+        """Whether it starts again at the end."""
+
+
+P = TypeVar("P", bound=Playing)
 
 
 class CameraPreset(StrEnum):
@@ -134,12 +181,24 @@ def _back_to(snapshot: ViewerState, now: ViewerState) -> ViewerState:
     return back if back.segment == now.segment else replace(back, preview=None)
 
 
-def at_frame(state: ViewerState, frame: int) -> ViewerState:
+def at_frame(state: P, frame: int) -> P:
     """At a frame of the scene, within its ends."""
     return replace(state, position=float(min(max(frame, 0), state.material.n_frames - 1)))
 
 
-def advanced(state: ViewerState, seconds: float) -> ViewerState:
+def at_known_frame(state: P, frame: int) -> P:
+    """At a frame that somebody asked for.
+
+    Raises:
+        CaptureError: there is no such frame.
+    """
+    last = state.material.n_frames - 1
+    if not 0 <= frame <= last:
+        raise CaptureError("--frame", f"a frame from 0 to {last}", str(frame))
+    return at_frame(state, frame)
+
+
+def advanced(state: P, seconds: float) -> P:
     """Some time later, if it plays: again from the start at the end, or stopped there."""
     if not state.playing:
         return state
@@ -151,18 +210,28 @@ def advanced(state: ViewerState, seconds: float) -> ViewerState:
     return replace(state, position=float(state.material.n_frames - 1), playing=False)
 
 
-def toggled_play(state: ViewerState) -> ViewerState:
+def toggled_play(state: P) -> P:
     """Playing or not; from the start where it had come to the end."""
     at_end = not state.playing and state.frame == state.material.n_frames - 1
     return replace(state, playing=not state.playing, position=0.0 if at_end else state.position)
 
 
-def at_speed(state: ViewerState, speed: float) -> ViewerState:
+def at_speed(state: P, speed: float) -> P:
     """Playing at the nearest of the known speeds."""
     return replace(state, speed=min(SPEEDS, key=lambda known: abs(known - speed)))
 
 
-def looped(state: ViewerState, loop: bool) -> ViewerState:
+def stepped(state: P, frames: int) -> P:
+    """So many frames further, and standing there."""
+    return replace(at_frame(state, state.frame + frames), playing=False)
+
+
+def sped(state: P, places: int) -> P:
+    """Playing at a speed so many places further in the list of those that there are."""
+    return at_speed(state, SPEEDS[min(max(SPEEDS.index(state.speed) + places, 0), len(SPEEDS) - 1)])
+
+
+def looped(state: P, loop: bool) -> P:
     """Starting again at the end, or not."""
     return replace(state, loop=loop)
 

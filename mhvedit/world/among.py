@@ -122,7 +122,8 @@ class Among:
         moving = company.joined(self._moving, 0.0)
         rotations, positions, found = moving.rotations, moving.positions.copy(), list[Overlap]()
         for i in self._free:
-            at, look = Pose(rotations[i], positions[i]), partial(overlaps, company.narrow, i, (rotations, positions))
+            at = Pose(rotations[i], positions[i].copy())
+            look = partial(overlaps, company.narrow, i, (rotations, positions))
             if look(at)[0].max(initial=0.0) > TOLERANCE:
                 other, depth = company.deepest(i, rotations, positions)
                 out = push_out(at, look)
@@ -183,7 +184,7 @@ class _Company:
     def _material(self, frame: int) -> str:
         if frame < self._n:
             return self._world.bodies[frame].material
-        return self._crowd.materials[self._owner[frame - self._n]]
+        return self._crowd.materials[int(self._owner[frame - self._n])]
 
 
 def _only(moving: Moving, n: int) -> Moving:

@@ -158,15 +158,22 @@ def _inside(mesh: Mesh, boxes: FloatArray) -> FloatArray:
 
 def _cells(points: FloatArray, boxes: FloatArray) -> Sequence[FloatArray]:
     """Points of each cell of the lattice that comes into the boxes; those near a border belong to both sides."""
+    if not len(points):
+        return []
+    base = np.floor((points.min(0) - OVERLAP) / CELL).astype(np.int64)
+    shape = np.floor((points.max(0) + OVERLAP) / CELL).astype(np.int64) - base + 1
     rows, cells = list[IntArray](), list[IntArray]()
     for signs in product((-OVERLAP, OVERLAP), repeat=3):
         rows.append(np.arange(len(points)))
-        cells.append(np.floor((points + np.array(signs)) / CELL).astype(np.int64))
-    pairs = np.unique(np.column_stack([np.concatenate(cells), np.concatenate(rows)]), axis=0)
-    low = pairs[:, :3] * CELL
-    pairs = pairs[_within(low, low + CELL, boxes, 0.0)]
-    starts = np.flatnonzero((np.diff(pairs[:, :3], axis=0) != 0).any(1)) + 1
-    return [points[part[:, 3]] for part in np.split(pairs, starts) if len(part) >= 4]
+        index = np.floor((points + np.array(signs)) / CELL).astype(np.int64) - base
+        cells.append(np.ravel_multi_index(tuple(index.T), tuple(shape)))
+    pairs = np.unique(np.concatenate(cells) * len(points) + np.concatenate(rows))
+    cell, row = np.divmod(pairs, len(points))
+    low = np.asarray((np.stack(np.unravel_index(cell, tuple(shape)), 1) + base) * CELL, np.float64)
+    kept = _within(low, low + CELL, boxes, 0.0)
+    cell, row = cell[kept], row[kept]
+    starts = np.flatnonzero(np.diff(cell)) + 1
+    return [points[part] for part in np.split(row, starts) if len(part) >= 4]
 
 
 def _solid(points: FloatArray) -> Piece | None:

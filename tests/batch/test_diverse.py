@@ -1,9 +1,11 @@
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mhvedit.batch.diverse import LEVER, better_half, farthest, placed
 from mhvedit.geometry.arrays import FloatArray, IntArray
+
+SOME = settings(deadline=None, max_examples=60, derandomize=True)
 
 
 @st.composite
@@ -20,6 +22,7 @@ def apart(one: FloatArray, other: FloatArray) -> float:
     return float(np.hypot(np.hypot(*(one - other)[:2]), min(map(abs, turns))))
 
 
+@SOME
 @given(group=groups(), count=st.integers(1, 12))
 def test_other_regions_come_first(group: tuple[FloatArray, IntArray], count: int) -> None:
     places, region = group
@@ -29,6 +32,7 @@ def test_other_regions_come_first(group: tuple[FloatArray, IntArray], count: int
     assert len(set(region[rows[:new]].tolist())) == new
 
 
+@SOME
 @given(group=groups(), count=st.integers(1, 12))
 def test_each_is_the_farthest_of_those_that_may_come(group: tuple[FloatArray, IntArray], count: int) -> None:
     places, region = group
@@ -42,6 +46,7 @@ def test_each_is_the_farthest_of_those_that_may_come(group: tuple[FloatArray, In
         assert distances[row] >= max(distances.values()) - 1e-9
 
 
+@SOME
 @given(group=groups())
 def test_the_better_half_of_every_region(group: tuple[FloatArray, IntArray]) -> None:
     places, region = group

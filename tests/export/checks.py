@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 from mhvedit.export.content import ExportScene
 from mhvedit.geometry.arrays import FloatArray, Int32Array
 from mhvedit.geometry.planar import apply_pose
+from mhvedit.scene.edit import placed_prop
 from tests.export.readers import Glb, Shown, moved, usd_shown, z_up
 from tests.export.scenes import frame_mesh, world
 
@@ -26,7 +27,7 @@ def check_usd(scene: ExportScene, path: Path, *, held: bool = False, between: fl
     assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == scene.edit.fps
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1 and UsdGeom.GetStageUpAxis(stage) == ("Y" if y_up else "Z")
     assert stage.GetDefaultPrim().GetPath() == "/World"
-    assert [p.GetName() for p in stage.GetDefaultPrim().GetChildren()] == list(scene.edit.subjects)
+    assert [p.GetName() for p in stage.GetDefaultPrim().GetChildren()] == list(scene.movers)
     for piece, k in itertools.product(scene.pieces, range(scene.edit.n_frames)):
         shown = usd_shown(stage, f"/World/{piece.subject}/{piece.part}/mesh", k + between)
         mesh = frame_mesh(scene, piece, k)
@@ -77,5 +78,9 @@ def check_folder(scene: ExportScene, path: Path) -> None:
 def placed(scene: ExportScene, k: int, name: str) -> FloatArray:
     """(V, 3) float32 of where the edit puts the captured vertices, as float64."""
     [piece] = [piece for piece in scene.pieces if piece.name == name]
+    if piece.subject in scene.edit.props:
+        return np.asarray(
+            placed_prop(scene.edit, {name: piece.sequence}, name, k).vertices.astype(np.float32), np.float64
+        )
     points = apply_pose(scene.edit.subjects[piece.subject].placements[k], frame_mesh(scene, piece, k).vertices)
     return np.asarray(points.astype(np.float32), np.float64)

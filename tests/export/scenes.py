@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mhvedit.export.content import BODY, ExportScene, Piece
 from mhvedit.geometry.arrays import FloatArray
@@ -56,6 +57,9 @@ def frame_mesh(scene: ExportScene, piece: Piece, frame: int) -> Mesh:
 def world(scene: ExportScene, piece: Piece, frame: int) -> FloatArray:
     """(V, 3) where it has to be, from the float32 vertices that all files hold."""
     points = frame_mesh(scene, piece, frame).vertices.astype(np.float32).astype(np.float64)
+    if piece.subject in scene.edit.props:
+        prop = scene.edit.props[piece.subject]
+        return np.asarray(Rotation.from_quat(prop.rotations[frame]).apply(points) + prop.positions[frame])
     return apply_pose(scene.edit.subjects[piece.subject].placements[frame], points)
 
 

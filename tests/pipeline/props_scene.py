@@ -9,7 +9,7 @@ import trimesh
 from mhvedit.geometry.arrays import FloatArray
 from tests.pipeline.toy import BEN, CORNERS, FACES, Actor, obj_text, write_actor
 
-N_FRAMES = 100
+N_FRAMES = 175
 RADIUS = 0.1  # m
 TABLE = ((0.3, -0.4, 1.0), (0.7, 0.1, 1.1))  # m
 TOP = TABLE[1][2]
@@ -54,10 +54,10 @@ BALL_KEYS = '[props.ball]\npath = "ball.obj"\nclass = "simulated"\nmass = 0.5\np
 
 @dataclass(frozen=True, slots=True)
 class Sweeper(Actor):
-    """Stretches the arm out from frame 5 to frame 11, and keeps it there."""
+    """Stretches the arm out from frame 5 to frame 20, and keeps it there."""
 
     def hand(self, frame: int) -> FloatArray:
-        share = np.clip((frame - 5) / 6, 0.0, 1.0)
+        share = np.clip((frame - 5) / 15, 0.0, 1.0)
         return np.array([0.22 + (self.long - 0.22) * share, self.side, 1.23])
 
 
@@ -77,4 +77,4 @@ def write_sweep(folder: Path, props: str = TABLE_KEYS + BALL_KEYS, *, n_frames: 
 def write_ball(path: Path, *, height: float) -> None:
     """A ball whose middle is at a height."""
     mesh = trimesh.creation.icosphere(3, RADIUS)
-    path.write_text(obj_text((np.asarray(mesh.vertices) + [0, 0, height], np.asarray(mesh.faces))))
+    path.write_text(obj_text((np.asarray(mesh.vertices) + np.array([0, 0, height]), np.asarray(mesh.faces))))

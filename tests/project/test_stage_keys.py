@@ -88,10 +88,20 @@ BAD: dict[str, tuple[tuple[str, str], str]] = {
     ),
     "material": (('"metal"', '"glass"'), 'props.table.material: expected one of wood, metal, human, found "glass"'),
     "mass": (("mass = 3", "mass = 0"), "props.table.mass: expected a number above 0, found 0"),
+    "less than nothing": (("mass = 3", "mass = -2"), "props.table.mass: expected a number above 0, found -2"),
+    "moved": (
+        ("mass = 3", 'motion = "table.obj"'),
+        'props.table.motion: expected nothing, unless the class is "driven", found "table.obj"',
+    ),
+    "no motion there": (
+        ('class = "simulated"', 'class = "driven"\nmotion = "box.bvh"'),
+        "props.table.motion: expected a BVH file, found nothing at ",
+    ),
     "name": (("[props.table]", "[props.ben]"), 'props.ben: expected a name that no subject has, found "ben"'),
     "unknown": (
         ("mass = 3", "weight = 3"),
-        "props.table.weight: expected one of path, units, up, class, material, mass, place, found an unknown key",
+        "props.table.weight: expected one of path, units, up, class, material, mass, place, motion, "
+        "found an unknown key",
     ),
 }
 

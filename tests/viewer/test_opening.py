@@ -100,7 +100,7 @@ def test_an_empty_group_opens_and_says_why(folder: Path) -> None:
 def test_what_cannot_be_opened(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(CaptureError, match="expected a scene file or an output folder"):
         open_scene(tmp_path / "nothing")
-    with pytest.raises(CaptureError, match="expected an output folder of `mhvedit solve`, found no readable"):
+    with pytest.raises(CaptureError, match="output folder of `mhvedit solve` or `mhvedit avoid`, found no readable"):
         open_scene(folder / "anna")
     write_scene(folder, ("voxel = 0.04", "voxle = 0.04"))
     with pytest.raises(MhveditError, match="voxle"):

@@ -7,10 +7,12 @@ import pytest
 from mhvedit import api
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray
 from mhvedit.geometry.planar import apply_pose
-from mhvedit.sequences.meshes import Mesh
+from mhvedit.scene.edit import PropEdit
+from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view.renders import Colouring
 from mhvedit.view.studio import studio
 from mhvedit.viewer.frames import FrameCache, read_frame
+from mhvedit.viewer.material import SetPiece
 from mhvedit.viewer.scene3d import Scene3D, camera_for, prepare, scene_picture
 from mhvedit.viewer.state import CameraPreset, Layer, ViewerState, at_frame, looked_at_row, placements_at, seen_from
 from mhvedit.volumes.subject import part_of
@@ -154,3 +156,19 @@ def test_a_capture_that_is_not_there_is_not_drawn(scene: Scene3D, state: ViewerS
     alone = replace(state.material, cast={"ben": state.material.cast["ben"]})
     picture = scene_picture(scene, replace(plain(state), material=alone))
     assert not blue(picture).any() and orange(picture).any()
+
+
+def test_props_are_drawn_where_they_are(scene: Scene3D, state: ViewerState) -> None:
+    corners = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+    mesh = Mesh(corners, np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)], np.int32))
+    n, turn = state.material.n_frames, np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])  # a quarter about z
+    places = np.outer(np.arange(n), [0.1, 0.0, 0.0]) + np.array([1.0, 2.0, 0.0])
+    edit = PropEdit("box.obj", "simulated", np.zeros(n, np.int64), places, np.tile(turn, (n, 1)))
+    prop = SetPiece(MeshSequence("box", (0,), 30.0, lambda number: mesh), edit)
+    now = replace(state, material=replace(state.material, props={"box": prop}))
+    for frame in (0, 5):
+        scene.draw(at_frame(now, frame))
+        placed = scene.plotter.actors["prop box"].user_matrix @ np.array([1.0, 0.0, 0.0, 1.0])
+        np.testing.assert_allclose(placed[:3], [1.0 + 0.1 * frame, 3.0, 0.0], atol=1e-9)
+    scene.draw(state)
+    assert "prop box" not in scene.plotter.actors
