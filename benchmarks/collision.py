@@ -1,6 +1,6 @@
-"""Self-collision in one run beside pinocchio with coal, and python-fcl: milliseconds a frame, and whole motions.
+"""Self-collision in one run beside pinocchio with coal, python-fcl, filterpy and SLSQP: one frame, and whole motions.
 
-    python benchmarks/collision.py [MOTIONS] [--sampled] [--write]
+    python -m benchmarks.collision [MOTIONS] [--sampled] [--write]
 
 MOTIONS is a folder of skinned `.npz` files. All libraries get the same work, one thread: from the joint angles of a
 frame to a yes or no for each of the 231 pairs of limbs that are not adjacent, limbs rigid (A3.6), on the mesh as it is
@@ -21,6 +21,7 @@ import fcl
 import numpy as np
 import pinocchio as pin
 
+from benchmarks.avoidance import kernel_table
 from mhvedit.collision.detect import CollisionBody, collision_body, measure_depths, surfaces_cross
 from mhvedit.collision.pairs import all_pairs
 from mhvedit.collision.reachable import meeting_rates, random_postures, safely_reachable_pairs
@@ -32,7 +33,7 @@ FRAMES = 150
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "collision_results.md"
 HEAD = """# Detection of self-collision, measured
 
-Made by `python benchmarks/collision.py --sampled --write`: all libraries in one run, in turn for each posture, one
+Made by `python -m benchmarks.collision --sampled --write`: all libraries in one run, in turn for each posture, one
 thread, the same 231 pairs of rigid limbs that are not adjacent; *answers differ* counts pairs of postures, away from
 borders that limbs share, in which a library says otherwise than mhvedit. Depths are of skinned limbs. Times are those
 of one machine.
@@ -62,6 +63,7 @@ def print_tables() -> None:
     print(f"\n{'whole motion':28} {'frames':>7} {'frames/s, crossing':>20} {'frames/s, depth':>17}")
     for name, motion in motions.items():
         print(f"{name:28} {motion.motion.n_frames:7} {throughput(motion)}")
+    print(f"\nWhat follows on detection in one frame: the filter and posture prediction\n{kernel_table()}")
     if "--sampled" in sys.argv:
         reachability(first, 100_000)
 
