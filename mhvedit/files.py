@@ -4,9 +4,11 @@ import io
 import os
 import struct
 import threading
+import tomllib
 import zipfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal
 
@@ -34,6 +36,16 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def load_table(package: str, name: str) -> dict[str, Any]:
+    """A TOML table that comes with a package.
+
+    Args:
+        package: as it is imported.
+        name: of the file in its folder `data`, without ending.
+    """
+    return tomllib.loads((files(package) / "data" / f"{name}.toml").read_text("utf-8"))
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

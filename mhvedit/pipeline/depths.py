@@ -19,7 +19,7 @@ from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.scene.edit import EditedScene, SubjectEdit
 from mhvedit.scene.surfaces import clearance, open_surface
-from mhvedit.sequences.meshes import Mesh
+from mhvedit.sequences.meshes import Mesh, joined
 
 VERSION: Final = 1  # of what is kept; raise it when depths change
 STRANGERS: Final = 0.005  # m, how deep those who have nothing to do with each other may be: noise of the captures
@@ -187,10 +187,8 @@ def _depth(movers: Movers, paths: Mapping[str, FloatArray], pair: Pair, frame: i
 def solid_mesh(movers: Movers, name: str, pose: FloatArray, frame: int) -> Mesh:
     """All that is solid about somebody or a prop, placed."""
     if name in movers.props:
-        meshes = [movers.props[name].mesh]
+        whole = movers.props[name].mesh
     else:
         number = int(movers.edit.subjects[name].source[frame])
-        meshes = [sequence.mesh(number) for sequence in solids_of(movers.people[name])]
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    faces = np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]).astype(np.int32)
-    return Mesh(apply_pose(pose, np.concatenate([m.vertices for m in meshes])), faces)
+        whole = joined([sequence.mesh(number) for sequence in solids_of(movers.people[name])])
+    return Mesh(apply_pose(pose, whole.vertices), whole.faces)

@@ -17,7 +17,7 @@ from mhvedit.geometry.planar import apply_pose, compose, invert, wrap_angle
 from mhvedit.scene.edit import EditedScene
 from mhvedit.scene.report import PairReport
 from mhvedit.scene.surfaces import Clearance, Surface, boxes_apart, clearance, open_surface
-from mhvedit.sequences.meshes import Mesh, MeshSequence
+from mhvedit.sequences.meshes import Mesh, MeshSequence, joined
 
 BODY: Final = "body"  # the whole captured mesh, as a part and as a solid
 STILL: Final = 1e-9  # m and rad: placements that differ by less are the same
@@ -66,13 +66,11 @@ def stand(
     number = int(edit.source[frame])
     body = capture.mesh(number)
     meshes = [body, *(sequence.mesh(number) for sequence in held.values())]
-    sizes = [len(m.vertices) for m in meshes]
-    starts = np.cumsum([0, *sizes[:-1]])
-    vertices = apply_pose(edit.placements[frame], np.concatenate([m.vertices for m in meshes]))
-    faces = np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=True)]).astype(np.int32)
-    owners = np.repeat(np.arange(len(meshes), dtype=np.int32), sizes)
+    whole = joined(meshes)
+    vertices = apply_pose(edit.placements[frame], whole.vertices)
+    owners = np.repeat(np.arange(len(meshes), dtype=np.int32), [len(m.vertices) for m in meshes])
     low, high = vertices.min(0), vertices.max(0)
-    return Standing(name, number, body, Mesh(vertices, faces), owners, (BODY, *held), low, high)
+    return Standing(name, number, body, Mesh(vertices, whole.faces), owners, (BODY, *held), low, high)
 
 
 def pair_clearances(

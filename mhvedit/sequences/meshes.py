@@ -1,8 +1,10 @@
 """Triangle meshes and sequences of them: one data model behind one door."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from mhvedit.errors import MissingFrame, ShapeError
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
@@ -23,6 +25,15 @@ class Mesh:
             raise ShapeError("faces", self.faces.shape, "(F, 3)")
         if self.labels is not None and self.labels.shape != self.vertices.shape[:1]:
             raise ShapeError("labels", self.labels.shape, self.vertices.shape[:1])
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one, their vertices one after the other; labels of more than one are lost."""
+    if len(meshes) == 1:
+        return meshes[0]
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first, strict=True)])
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces.astype(np.int32))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,7 @@ import numpy as np
 from mhvedit.errors import CaptureError
 from mhvedit.files import replacing
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.skeleton.words import is_finite
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 
@@ -167,18 +168,10 @@ def _values(path: Path, body: list[tuple[int, list[str]]]) -> FloatArray:
         values = np.array([words for _, words in body], np.float64)
         finite = np.isfinite(values).all(1)
     except ValueError:
-        finite = np.array([all(_is_finite(word) for word in words) for _, words in body])
+        finite = np.array([all(is_finite(word) for word in words) for _, words in body])
         values = np.zeros((len(body), 0))
     if not finite.all():
         line, words = body[int(np.argmin(finite))]
-        bad = next(word for word in words if not _is_finite(word))
+        bad = next(word for word in words if not is_finite(word))
         raise CaptureError(f"{path}: line {line}", "finite numbers", repr(bad[:40]))
     return values
-
-
-def _is_finite(word: str) -> bool:
-    """Whether a word is a finite number."""
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False

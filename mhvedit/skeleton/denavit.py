@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mhvedit.files import load_table
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.skeleton.model import Skeleton
-from mhvedit.skeleton.tables import load_table
+from mhvedit.skeleton.tables import PACKAGE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +28,7 @@ class DhChain:
 
 def dh_chains() -> tuple[DhChain, ...]:
     """The table of the package."""
-    return tuple(_chain(row) for row in load_table("denavit_hartenberg")["chains"])
+    return tuple(_chain(row) for row in load_table(PACKAGE, "denavit_hartenberg")["chains"])
 
 
 def dh_transform(theta: float, d: float, a: float, alpha: float) -> FloatArray:

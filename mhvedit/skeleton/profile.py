@@ -14,6 +14,7 @@ import numpy as np
 from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.files import replacing
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.skeleton.words import is_finite
 
 DOFS: Final = 55
 HEADER: Final = (
@@ -123,14 +124,6 @@ def _numbers(path: Path, line: int, words: list[str]) -> FloatArray:
     except ValueError:
         values = np.full(DOFS, np.nan)
     if not np.isfinite(values).all():
-        bad = next((w for w in words if not _is_finite(w)), "")
+        bad = next((w for w in words if not is_finite(w)), "")
         raise CaptureError(f"{path}: line {line}", "finite numbers", repr(bad[:40]))
     return values
-
-
-def _is_finite(word: str) -> bool:
-    """Whether a word is a finite number."""
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False

@@ -1,13 +1,14 @@
 """The tables of the human body that come with the package: what programs call its joints, limits, effort."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from mhvedit.files import load_table
+
+PACKAGE: Final = "mhvedit.skeleton"
 FREE: Final = (-np.inf, np.inf)
 _MIRRORED: Final = {"x": 1.0, "y": -1.0, "z": -1.0}  # an angle seen in a mirror across x
 
@@ -22,15 +23,10 @@ class JointRole:
     shared: bool = False  # limits are those of all joints of this role together
 
 
-def load_table(name: str) -> dict[str, Any]:
-    """A TOML table of the package."""
-    return tomllib.loads((files("mhvedit.skeleton") / "data" / f"{name}.toml").read_text("utf-8"))
-
-
 def _roles() -> dict[str, JointRole]:
     """All roles; those of the right side are mirrored from the left."""
     roles = {}
-    for name, row in load_table("body")["joints"].items():
+    for name, row in load_table(PACKAGE, "body")["joints"].items():
         limits = {axis: _radians(row["limits"][axis]) if "limits" in row else FREE for axis in "xyz"}
         roles[name] = JointRole(row["order"], limits, row["effort"], row.get("shared", False))
         if name.startswith("left_"):
@@ -51,4 +47,6 @@ def _turned(limits: tuple[float, float], sign: float) -> tuple[float, float]:
 
 
 ROLES: Final[Mapping[str, JointRole]] = _roles()
-JOINT_NAMES: Final[Mapping[str, tuple[str, ...]]] = {k: tuple(v) for k, v in load_table("body")["names"].items()}
+JOINT_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
+    name: tuple(others) for name, others in load_table(PACKAGE, "body")["names"].items()
+}

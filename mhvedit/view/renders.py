@@ -11,7 +11,7 @@ from skimage.measure import marching_cubes
 from mhvedit.geometry.arrays import ByteArray, FloatArray
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.scene.edit import EditedScene, placed_mesh, placed_prop
-from mhvedit.sequences.meshes import Mesh, MeshSequence
+from mhvedit.sequences.meshes import Mesh, MeshSequence, joined
 from mhvedit.view.captions import captioned, ringed
 from mhvedit.view.stage import add_floor, add_ghost, add_person, add_prop, add_voxels, colours_by_label, colours_by_time
 from mhvedit.view.studio import UP, Camera, camera_axes, distance_needed, empty_stage, framing, studio, take_picture
@@ -280,15 +280,6 @@ def prop_meshes(scene: EditedScene, captures: Mapping[str, MeshSequence], frame:
         frame: of the scene, from 0.
     """
     return [placed_prop(scene, captures, name, frame) for name in scene.props if name in captures]
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Several meshes as one."""
-    if len(meshes) == 1:
-        return meshes[0]
-    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first, strict=True)])
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces.astype(np.int32))
 
 
 def solid_mesh(volume: MotionHistoryVolume, frame: int) -> Mesh:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.geometry.arrays import Int32Array
-from mhvedit.view.renders import joined
+from mhvedit.sequences.meshes import joined
 from mhvedit.view.stage import vertex_normals
 from mhvedit.viewer.material import Actor
 

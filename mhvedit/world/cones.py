@@ -11,11 +11,12 @@ import numpy as np
 from numba import njit
 
 from mhvedit.avoidance.posture import Placed, Rows
+from mhvedit.files import load_table
 from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.model import Skeleton, joint_index
 from mhvedit.world.descent import DescentSettings, Effector, descend
-from mhvedit.world.materials import load_table
+from mhvedit.world.materials import PACKAGE
 from mhvedit.world.problems import WorldError
 
 LEVER: Final = 0.1  # m: a limb that is off its cone by an angle counts as a point this far out that is off
@@ -134,7 +135,7 @@ def leaves_cone(skeleton: Skeleton, rotations: FloatArray, cones: tuple[ReachCon
 def load_cones(skeleton: Skeleton) -> tuple[ReachCone, ...]:
     """The package's cones for those joints that the skeleton has, by name."""
     found = []
-    for row in load_table("reach_cones")["cones"]:
+    for row in load_table(PACKAGE, "reach_cones")["cones"]:
         for side, mirror in (("left", 1.0), ("right", -1.0)):
             name = f"{side}_{row['joint']}"
             if name not in skeleton.names:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mhvedit.avoidance.capsules import LEGS, RADII, UNKNOWN
 from mhvedit.errors import ShapeError
+from mhvedit.files import load_table
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.skeleton.dofs import body_skeleton
 from mhvedit.skeleton.forward import joint_frames
@@ -16,7 +17,7 @@ from mhvedit.skeleton.roles import joint_roles
 from mhvedit.skeleton.tables import ROLES
 from mhvedit.world.broad import colliders_of
 from mhvedit.world.cones import ReachCone, load_cones
-from mhvedit.world.materials import load_table
+from mhvedit.world.materials import PACKAGE
 from mhvedit.world.narrow import Narrow
 from mhvedit.world.pieces import Piece, capsule
 from mhvedit.world.problems import WorldError
@@ -113,7 +114,7 @@ def capsule_figure(
 
 def load_avatar() -> Figure:
     """The package's avatar, 1.75 m tall: arms out sideways and looking to -y where q = 0."""
-    table = load_table("avatar")
+    table = load_table(PACKAGE, "avatar")
     rows: list[tuple[str, str, list[float]]] = [tuple(row) for row in table["joints"]]
     for name, up, offset in [row for row in rows if row[0].startswith("left_")]:
         mirrored = [-offset[0], *offset[1:]]

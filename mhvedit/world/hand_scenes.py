@@ -5,10 +5,11 @@ from typing import Final
 
 import numpy as np
 
+from mhvedit.files import load_table
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.world.avatar_scenes import FPS, N_FRAMES, WorldScene, as_made, gallery, played
 from mhvedit.world.bodies import Body, BodyClass, Pose, body_of_pieces
-from mhvedit.world.materials import Materials, load_materials, load_table
+from mhvedit.world.materials import PACKAGE, Materials, load_materials
 from mhvedit.world.pieces import Piece, box, ellipsoid, sphere
 from mhvedit.world.turning import turn
 from mhvedit.world.world import Tracked, World
@@ -26,7 +27,7 @@ def load_hand(materials: Materials) -> Body:
 
 def hand_pieces() -> list[Piece]:
     """Palm and fingers, joint to joint."""
-    table = load_table("hand")
+    table = load_table(PACKAGE, "hand")
     pieces = [ellipsoid(np.zeros(3), np.diag(table["palm"]["half"]))]
     for finger in table["fingers"]:
         at, way = np.array(finger["base"]), np.array(finger["way"])

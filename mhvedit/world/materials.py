@@ -1,12 +1,13 @@
 """What happens where two materials meet: restitution and friction (Schmidl and Lin, table 1)."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
+from typing import Any, Final
 
+from mhvedit.files import load_table
 from mhvedit.world.problems import WorldError
+
+PACKAGE: Final = "mhvedit.world"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +50,10 @@ class Materials:
 
 def load_materials() -> Materials:
     """The table of the package: wood, human, metal."""
-    return materials_of(load_table("materials"))
+    return materials_of(load_table(PACKAGE, "materials"))
 
 
 def materials_of(table: Mapping[str, Any]) -> Materials:
     """A table in the form of `data/materials.toml`."""
     pairs = {frozenset(row["between"]): Surfaces(row["restitution"], row["friction"]) for row in table["pairs"]}
     return Materials(dict(table["density"]), pairs)
-
-
-def load_table(name: str) -> dict[str, Any]:
-    """A TOML table of the package."""
-    return tomllib.loads((files("mhvedit.world") / "data" / f"{name}.toml").read_text("utf-8"))
