@@ -95,6 +95,8 @@ def _settle(rows: Rows, friction: FloatArray, velocity: FloatArray, spin: FloatA
     sticks = np.hypot(pressed[:, 1], pressed[:, 2]) < friction * pressed[:, 0]
     active = np.stack([pressed[:, 0] > 0, sticks, sticks], 1)
     contact, way = np.nonzero(active)
+    if not len(contact):  # nothing presses any more
+        return
     jacobian = np.zeros((len(contact), len(velocity), 6))
     moved = np.zeros_like(jacobian)  # by unit impulses
     row = np.arange(len(contact))

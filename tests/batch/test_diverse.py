@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from mhvedit.batch.diverse import LEVER, better_half, farthest, placed
 from mhvedit.geometry.arrays import FloatArray, IntArray
 
-SOME = settings(deadline=None, max_examples=60, derandomize=True)
+SOME = settings(max_examples=60, derandomize=True)
 
 
 @st.composite

@@ -9,7 +9,7 @@ from benchmarks.cluster_model import Machinery, SceneWork, Work, bounds, course_
 WORKS = st.builds(Work, st.floats(0.1, 10), st.floats(0, 100), st.floats(0, 100))
 ONE = st.builds(SceneWork, st.lists(WORKS, min_size=1, max_size=4).map(tuple), WORKS)
 SCENES = st.lists(ONE, min_size=1, max_size=40)
-SOME = settings(deadline=None, max_examples=60, derandomize=True)
+SOME = settings(max_examples=60, derandomize=True)
 SHARED = st.builds(Machinery, st.floats(0, 0.5), st.floats(10, 1e6))
 
 

@@ -45,7 +45,7 @@ def test_a_point_is_seen_up_to_the_half_angle_at_any_distance(half_angle: float)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=30, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 def test_seeing_is_the_angle_to_the_nearest_point(seed: int) -> None:
     rng = np.random.default_rng(seed)
     way = rng.normal(size=3)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -72,7 +72,6 @@ def test_a_rotation_keeps_lengths_and_orientation() -> None:
 
 
 @given(left=POSES, right=POSES)
-@settings(deadline=None)
 def test_many_poses_move_as_one_does(left: FloatArray, right: FloatArray) -> None:
     many = np.random.default_rng(0).normal(size=(7, 3)) * 3
     expected = compose(compose(left, many), right)

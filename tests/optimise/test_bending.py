@@ -54,7 +54,7 @@ def test_what_is_met_already_does_not_pull() -> None:
 
 
 @given(st.integers(0, 1000))
-@settings(deadline=None, max_examples=5)
+@settings(max_examples=5)
 def test_no_cheaper_way_does_what_is_asked(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n, weights = 14, rng.random((2, 14))

@@ -8,7 +8,7 @@ from mhvedit.optimise.bounds import Links, _facing, loss_of
 from mhvedit.optimise.chains import chain_cost, stage_costs, vectors, with_best_turns
 from tests.optimise.problems import problem
 
-SOME = settings(deadline=None, max_examples=100, derandomize=True)
+SOME = settings(max_examples=100, derandomize=True)
 
 
 @given(

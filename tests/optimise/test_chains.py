@@ -96,7 +96,7 @@ states = st.integers(1, 4).flatmap(
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(states, min_size=1, max_size=4))
 def test_cheapest_chain_is_the_exhaustive_optimum(stages: list[list[tuple[float, float, float, float, float]]]) -> None:
     tables = [np.array(stage) for stage in stages]

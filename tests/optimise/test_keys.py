@@ -42,7 +42,7 @@ def chosen_keys(segments: list[KeySegment], placed: KeyPlacements) -> list[list[
 # One pose for all
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.integers(1, 5))
 def test_a_pose_that_all_segments_accept_costs_nothing(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ from mhvedit.geometry.arrays import FloatArray
 from mhvedit.optimise.steps import Places, cheapest_step, exactly
 
 SEEDS = st.integers(0, 2**32 - 1)
-SOME = settings(deadline=None, max_examples=60, derandomize=True)
+SOME = settings(max_examples=60, derandomize=True)
 
 
 def some_places(rng: np.random.Generator, count: int) -> Places:

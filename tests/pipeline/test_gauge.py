@@ -17,9 +17,7 @@ from tests.pipeline.toy import ANNA, BEN, LOWER_TABLE, Actor, write_actor, write
 LEFT = replace(BEN, left_from=8)
 NPZ = (('path = "anna"', 'path = "anna.npz"'), ('path = "ben"', 'path = "ben.npz"'))
 MIRRORED = LOWER_TABLE.replace('["anna", "ben"]', '["ben", "anna"]')
-FEW = settings(
-    max_examples=4, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+FEW = settings(max_examples=4, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def solve(folder: Path, *changes: tuple[str, str], anna: Actor = ANNA, ben: Actor = LEFT) -> Result:

@@ -11,7 +11,7 @@ from mhvedit.search.solve import ACCEPTED, OUTSIDE, ReasonMap
 from tests import oracles
 
 SEEDS = st.integers(0, 2**32 - 1)
-SOME = settings(deadline=None, max_examples=40, derandomize=True)
+SOME = settings(max_examples=40, derandomize=True)
 
 
 def random_map(rng: np.random.Generator) -> BoolArray:

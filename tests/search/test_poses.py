@@ -10,7 +10,7 @@ SMALL = st.floats(-0.5, 0.5)
 
 
 @given(a=st.tuples(SMALL, SMALL), b=st.tuples(SMALL, SMALL), stride=st.integers(1, 3), window=st.floats(0, 0.4))
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 def test_the_grid_holds_every_lattice_pose_in_the_window_and_no_other(
     a: tuple[float, float], b: tuple[float, float], stride: int, window: float
 ) -> None:

@@ -22,7 +22,7 @@ from tests.oracles import Cone, Segment
 from tests.search.shapes import HAND, PARTS, PITCH, SWORD, Made, made, random_subject
 
 Pose = tuple[int, int, int]  # voxels, voxels, yaw sample
-FEW = settings(deadline=None, max_examples=6, derandomize=True)
+FEW = settings(max_examples=6, derandomize=True)
 SEEDS = st.integers(0, 2**32 - 1)
 Pair = tuple[Made, Made]
 

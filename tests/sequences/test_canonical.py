@@ -15,7 +15,7 @@ from mhvedit.volumes.voxelise import solid_voxels
 
 SHIFT = st.floats(-20, 20)
 MOTIONS = st.tuples(SHIFT, SHIFT, st.floats(-7, 7))
-SOME = settings(deadline=None, max_examples=25, derandomize=True)
+SOME = settings(max_examples=25, derandomize=True)
 
 
 def someone(seed: int = 0) -> Mesh:

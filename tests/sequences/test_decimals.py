@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mhvedit.sequences.decimals import ODD, READ, read_number
 
-SOME = settings(deadline=None, max_examples=400, derandomize=True)
+SOME = settings(max_examples=400, derandomize=True)
 METRES = st.floats(-1e4, 1e4).filter(lambda x: x == 0 or abs(x) > 1e-12)
 
 

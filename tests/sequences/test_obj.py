@@ -113,7 +113,7 @@ def obj_texts(draw: st.DrawFn) -> str:
 
 
 @given(obj_texts())
-@settings(deadline=None, max_examples=300, derandomize=True)
+@settings(max_examples=300, derandomize=True)
 def test_files_are_read_as_a_person_reads_them(text: str) -> None:
     vertices, triangles = by_lines(text)
     mesh = parse_obj(text.encode(), PATH)

@@ -75,7 +75,7 @@ def test_a_check_of_unequal_lengths_is_refused() -> None:
         SceneCheck(np.zeros(3), np.zeros(2), np.zeros(3, bool), {})
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(arrays(np.float64, st.tuples(st.integers(1, 8), st.just(2)), elements=st.floats(-1, 1)))
 def test_labels_end_up_apart(spots: np.ndarray) -> None:
     places = spread_labels(spots, gap=0.1)

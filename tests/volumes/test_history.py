@@ -30,7 +30,7 @@ from tests.oracles import Voxel
 PITCH = 0.02
 SEEDS = st.integers(0, 2**32 - 1)
 TAUS = st.sampled_from([1, 2, 5, 64, 65, 130])
-SOME = settings(deadline=None, max_examples=25, derandomize=True)
+SOME = settings(max_examples=25, derandomize=True)
 Frames = list[tuple[VoxelGrid, BoolArray]]
 
 

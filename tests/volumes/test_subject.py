@@ -131,7 +131,7 @@ def test_composing_the_pose_and_the_motion_is_the_same_frame() -> None:
 
 
 @given(seed=SEEDS, name=st.sampled_from(PARTS), radius=st.sampled_from([0.0, 1.0, 1.5, 2.0]))
-@settings(deadline=None, max_examples=30, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 def test_parts_rests_and_what_lies_deep_in_them_agree_with_brute_force(seed: int, name: str, radius: float) -> None:
     made = random_subject(np.random.default_rng(seed), 3)
     person, volumes = made.person, made.volumes

@@ -17,7 +17,7 @@ def random_volume(rng: np.random.Generator, tau: int) -> MotionHistoryVolume:
 
 
 @given(seed=st.integers(0, 2**32 - 1), tau=st.sampled_from([1, 2, 4, 66]))
-@settings(deadline=None, max_examples=20, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 def test_labels_are_by_first_and_last_frame_on_the_surface_only(seed: int, tau: int) -> None:
     volume = random_volume(np.random.default_rng(seed), tau)
     labels, filled = surface_labels(volume), volume.filled

@@ -17,7 +17,7 @@ from tests import oracles
 from tests.oracles import Voxel
 
 SEEDS = st.integers(0, 2**32 - 1)
-SOME = settings(deadline=None, max_examples=12, derandomize=True)
+SOME = settings(max_examples=12, derandomize=True)
 
 
 def mesh_of(shape: trimesh.Trimesh) -> Mesh:

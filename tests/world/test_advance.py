@@ -13,7 +13,7 @@ from mhvedit.world.simulate import Simulation
 from mhvedit.world.world import State, Tracked, World, start
 from tests.world.things import GAP, at, ball, cube, fixed, floor, played, simulated, surfaces
 
-FEW = settings(max_examples=8, deadline=None)
+FEW = settings(max_examples=8)
 MASSES = st.floats(0.05, 50)
 
 
