@@ -3,22 +3,25 @@ answer.
 
 Two volumes meet at a shift if some voxel of A and some voxel of shifted B coincide and have a bit in common (or, where
 bits are asked for by name, if all of these occur somewhere). The window is halved again and again into square blocks
-of shifts; for a block only those cells of B are looked at again, finer and over a shorter range of slabs, whose pooled
-columns can still meet A's pooled columns for some shift of the block. A block is settled as a whole if nothing is left
-that can meet, or if something meets whatever the shift; single shifts are decided column by column. Neighbours are
-most often settled by the same cell: a cell that has settled a block moves to the front of its list, and the column
-that settled the last shift is tried first on whole blocks of others.
+of shifts; for a block only those cells of B are looked at again, finer, that can still meet A's window for some shift
+of the block. A block is settled as a whole if nothing is left that can meet, or if something meets whatever the shift;
+the four shifts of the last blocks are decided together, column by column. Neighbours are most often settled by the
+same cell: a cell that has settled a block moves to the front of its list, and the column that settled the last shift is
+tried first on whole blocks of others.
 
 The kernels take flat, uncounted arrays and are compiled into one: neighbouring looks share so little work that calls
 and counts of references would cost more than the looks.
 """
+
+from math import prod
 
 import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, Int32Array, IntArray, Words
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.pyramid import LEVELS, MOMENT_SLAB, TOP, Columns, Pyramid, TurnedColumns, level_of
+from mhvedit.search.columns import EMPTY, WORD
+from mhvedit.search.pyramid import SLABS, TOP, Pools, Pyramid, TurnedPyramid
 from mhvedit.search.scratch import Scratch
 
 SETTLED = -1  # a block that meets whatever the shift
@@ -27,23 +30,23 @@ WITNESSED = 3  # the coarsest level at which the last witness is tried on all sh
 
 def meets(
     a: Pyramid,
-    b: TurnedColumns,
+    b: TurnedPyramid,
     *,
     base: IntArray,
     stride: int,
     asked: BoolArray,
-    every: Words | None = None,
+    every: int | None = None,
     scratch: Scratch | None = None,
 ) -> BoolArray:
     """At which shifts A and turned B meet.
 
     Args:
         a: the volume at rest.
-        b: the volume that is shifted, already turned; of as many moments as A.
+        b: the volume that is shifted, already turned; in the same layout.
         base: (2,) shift of cell (0, 0), in strides.
         stride: voxels between shifts.
         asked: (X, Y) which shifts to decide; the others come back False.
-        every: (W,) bits that must all occur in common, at least one; None: any bit.
+        every: bits of the frames that must all occur in common; None: any.
         scratch: to lay the result into; what was laid there before is lost.
 
     Returns:
@@ -52,78 +55,89 @@ def meets(
     scratch = scratch or Scratch()
     out = scratch.array("met", asked.shape, np.bool_)
     out[:] = False
-    roots = _roots(level_of(b.some, TOP), *_facing_words(a.columns, b.columns))
-    if len(roots) and a.columns.words.size:
-        any_bit = every is None or a.columns.slab == MOMENT_SLAB
-        need = np.zeros(a.columns.n_words, np.uint64) if every is None else every
-        most = max(2, min(len(roots) << 2 * (TOP - 1), int(b.some.shape[1].prod())))
-        lists = scratch.array("lists", (TOP + 1, most, 4), np.int32)
-        _search(
-            a.own.row_of, a.own.words.ravel(), a.some.row_of, a.some.words.ravel(), a.sure.row_of, a.sure.words.ravel(),
-            a.some.first, a.some.shape, a.some.words.shape[1],
-            b.some.row_of, b.some.words.ravel(), b.sure.row_of, b.sure.words.ravel(),
-            b.some.first, b.some.shape, b.some.words.shape[1],
-            b.starts - a.starts, b.starts[0] - a.columns.start,
-            a.columns.column_of, a.columns.words, a.columns.voxels, b.column_of, b.columns.words, b.columns.voxels,
-            _words_down(a.columns, b.columns), roots, lists, base * stride, stride,
-            asked, *_asked_blocks(asked, base * stride, stride, scratch),
-            any_bit, need, np.empty_like([need, need]), out,
-        )  # fmt: skip
+    roots = _roots(*_level(b.some, TOP))
+    layout = a.columns.layout
+    most = max(1, min(len(roots) << 2 * (TOP - 1), len(b.some.row_of)))
+    lists = scratch.array("lists", (TOP + 1, most, 2), np.int32)
+    _search(
+        a.own.row_of, a.own.rows.ravel(), a.some.row_of, a.some.rows.ravel(), a.sure.row_of, a.sure.rows.ravel(),
+        a.some.first, a.some.shape,
+        b.some.row_of, b.some.rows.ravel(), b.sure.row_of, b.sure.rows.ravel(), b.some.first, b.some.shape,
+        b.starts - a.starts,
+        a.column_of, a.columns.some.ravel(), a.columns.voxels.ravel(),
+        b.turned.column_of, b.turned.columns.some.ravel(), b.turned.columns.voxels.ravel(),
+        layout.tall, layout.lanes, roots, lists, base * stride, stride,
+        asked, *_asked_blocks(asked, base * stride, stride, scratch),
+        np.uint64(every or 0), out,
+    )  # fmt: skip
     return out
 
 
-def _words_down(a: Columns, b: Columns) -> int:
-    """From the number of a word of B to that of the word of A at its height."""
-    return (b.first - a.first) * a.n_words
-
-
-def _facing_words(a: Columns, b: Columns) -> tuple[int, int]:
-    """First and past-the-last word of B that lies at the height of one of A's."""
-    down = _words_down(a, b)
-    return max(0, -down), min(b.words.shape[1], a.words.shape[1] - down)
+def _level(pools: Pools, level: int) -> tuple[Int32Array, int, int]:
+    """The numbers of one level's rows, and its size."""
+    x, y = pools.shape[level].tolist()
+    return pools.row_of[pools.first[level] : pools.first[level] + x * y], x, y
 
 
 def _asked_blocks(
     asked: BoolArray, base: IntArray, stride: int, scratch: Scratch
 ) -> tuple[BoolArray, IntArray, IntArray]:
     """Which blocks of shifts contain one that is asked for: all levels in a row, where each begins, and their sizes."""
-    last = base + (np.array(asked.shape) - 1) * stride
-    sizes = np.where(LEVELS > 0, (last >> LEVELS) - (base >> LEVELS) + 1, 0)
-    ends = np.cumsum(sizes[:, 0] * sizes[:, 1])
-    first = np.append(0, ends[:-1])
-    blocks = scratch.array("blocks", (int(ends[-1]),), np.bool_)
-    blocks[:] = False
-    _mark_blocks(asked, base, stride, blocks, first, sizes)
+    most = sum(prod((n * stride >> level) + 2 for n in asked.shape) for level in range(1, TOP + 1))
+    blocks = scratch.array("blocks", (most,), np.bool_)
+    first, sizes = np.zeros(TOP + 1, np.int64), np.zeros((TOP + 1, 2), np.int64)
+    _mark_blocks(asked, base[0], base[1], stride, blocks, first, sizes)
     return blocks, first, sizes
 
 
 @njit(cache=True, nogil=True)
 def _mark_blocks(
-    asked: BoolArray, base: IntArray, stride: int, blocks: BoolArray, first: IntArray, sizes: IntArray
+    asked: BoolArray, base_x: int, base_y: int, stride: int, blocks: BoolArray, first: IntArray, sizes: IntArray
 ) -> None:
+    last_x, last_y = base_x + (asked.shape[0] - 1) * stride, base_y + (asked.shape[1] - 1) * stride
+    past = 0
+    for level in range(1, TOP + 1):
+        first[level] = past
+        sizes[level, 0] = (last_x >> level) - (base_x >> level) + 1
+        sizes[level, 1] = (last_y >> level) - (base_y >> level) + 1
+        past += sizes[level, 0] * sizes[level, 1]
+    blocks[:past] = False
     for i in range(asked.shape[0]):
-        row = first[1] + (((base[0] + i * stride) >> 1) - (base[0] >> 1)) * sizes[1, 1] - (base[1] >> 1)
+        row = (((base_x + i * stride) >> 1) - (base_x >> 1)) * sizes[1, 1]
+        if stride == 1:
+            _mark_pairs(asked[i], base_y & 1, blocks[row : row + sizes[1, 1]])
+            continue
         for j in range(asked.shape[1]):
-            if asked[i, j]:
-                blocks[row + ((base[1] + j * stride) >> 1)] = True
+            blocks[row + ((base_y + j * stride) >> 1) - (base_y >> 1)] |= asked[i, j]
     for level in range(2, TOP + 1):
-        low_x, low_y = base[0] >> level - 1, base[1] >> level - 1
+        low_x, low_y = base_x >> level - 1, base_y >> level - 1
+        fine = blocks[first[level - 1] : first[level - 1] + sizes[level - 1, 0] * sizes[level - 1, 1]]
         for x in range(sizes[level - 1, 0]):
-            row = first[level] + (((low_x + x) >> 1) - (low_x >> 1)) * sizes[level, 1] - (low_y >> 1)
-            for y in range(sizes[level - 1, 1]):
-                if blocks[first[level - 1] + x * sizes[level - 1, 1] + y]:
-                    blocks[row + ((low_y + y) >> 1)] = True
+            row = first[level] + (((low_x + x) >> 1) - (low_x >> 1)) * sizes[level, 1]
+            own = fine[x * sizes[level - 1, 1] : (x + 1) * sizes[level - 1, 1]]
+            _mark_pairs(own, low_y & 1, blocks[row : row + sizes[level, 1]])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _mark_pairs(row: BoolArray, odd: int, out: BoolArray) -> None:
+    """Mark each pair of which one is marked; `odd`: the first has no partner."""
+    if odd:
+        out[0] |= row[0]
+    for k in range((row.shape[0] - odd) // 2):
+        out[k + odd] |= row[2 * k + odd] | row[2 * k + 1 + odd]
+    if (row.shape[0] - odd) % 2:
+        out[out.shape[0] - 1] |= row[row.shape[0] - 1]
 
 
 @njit(cache=True, nogil=True)
-def _roots(level: Words, low: int, high: int) -> Int32Array:
-    """Cells of a level that hold anything in a range of words: x, y and the range."""
-    cells = np.empty((level.shape[0] * level.shape[1], 4), np.int32)
+def _roots(row_of: Int32Array, n_x: int, n_y: int) -> Int32Array:
+    """(N, 2) cells of a level that hold anything."""
+    cells = np.empty((n_x * n_y, 2), np.int32)
     n = 0
-    for x in range(level.shape[0]):
-        for y in range(level.shape[1]):
-            if level[x, y, low:high].any():
-                cells[n, 0], cells[n, 1], cells[n, 2], cells[n, 3] = x, y, low, high
+    for x in range(n_x):
+        for y in range(n_y):
+            if row_of[x * n_y + y] != EMPTY:
+                cells[n, 0], cells[n, 1] = x, y
                 n += 1
     return cells[:n]
 
@@ -138,23 +152,21 @@ def _search(  # noqa: C901
     a_sure: Words,
     a_first: IntArray,
     a_shape: IntArray,
-    a_n: int,
     b_some_row: Int32Array,
     b_some: Words,
     b_sure_row: Int32Array,
     b_sure: Words,
     b_first: IntArray,
     b_shape: IntArray,
-    b_n: int,
     offsets: IntArray,
-    columns_off: IntArray,
     at_a: Int32Array,
     a_words: Words,
     a_voxels: Words,
     at_b: Int32Array,
     b_words: Words,
     b_voxels: Words,
-    down: int,
+    tall: int,
+    lanes: int,
     roots: Int32Array,
     lists: Int32Array,
     base: IntArray,
@@ -163,9 +175,7 @@ def _search(  # noqa: C901
     blocks: BoolArray,
     blocks_first: IntArray,
     blocks_size: IntArray,
-    any_bit: bool,
-    need: Words,
-    scratch: Words,
+    need: np.uint64,
     out: BoolArray,
 ) -> None:
     """Descend through the blocks of shifts, depth first; `lists` holds what is left of B on the way down."""
@@ -175,21 +185,13 @@ def _search(  # noqa: C901
     b_some, b_sure = uncounted(b_some), uncounted(b_sure)
     at_a, a_words, a_voxels = uncounted(at_a), uncounted(a_words), uncounted(a_voxels)
     at_b, b_words, b_voxels = uncounted(at_b), uncounted(b_words), uncounted(b_voxels)
-    roots, lists, asked, need, out = (
-        uncounted(roots),
-        uncounted(lists),
-        uncounted(asked),
-        uncounted(need),
-        uncounted(out),
-    )
-    seen, sure = uncounted(scratch[0]), uncounted(scratch[1])
+    roots, lists, asked, out = uncounted(roots), uncounted(lists), uncounted(asked), uncounted(out)
+    wanted = _repeated(need, lanes)
     counts = np.zeros(TOP + 2, np.int64)
     child = np.zeros(TOP + 2, np.int64)
     block = np.zeros((TOP + 2, 2), np.int64)
-    witness, column = lists[0, 0], lists[0, 1]
-    witness[:] = 0
+    witness = np.zeros(2, np.int64)
     base_x, base_y = base
-    off_x, off_y = columns_off
     first_x, first_y = base_x >> TOP, base_y >> TOP
     for top_x in range(
         max(first_x, -offsets[TOP, 0] - b_shape[TOP, 0]),
@@ -210,41 +212,47 @@ def _search(  # noqa: C901
                 y = 2 * block[level, 1] + (child[level] >> 1)
                 child[level] = 4 if level == TOP + 1 else child[level] + 1
                 finer = level - 1
-                if finer == 0:
-                    _decide(
-                        x, y, lists[1], counts[1], off_x, off_y, at_a, a_words, a_voxels, at_b, b_words, b_voxels,
-                        down, base_x, base_y, stride, asked, any_bit, need, seen, witness, column, out,
-                    )  # fmt: skip
-                    continue
                 u, v = x - (base_x >> finer), y - (base_y >> finer)
                 if u < 0 or v < 0 or u >= blocks_size[finer, 0] or v >= blocks_size[finer, 1]:
                     continue
                 if not blocks[blocks_first[finer] + u * blocks_size[finer, 1] + v]:
                     continue
-                if finer <= WITNESSED and any_bit and _all_witnessed(
-                    x, y, finer, off_x, off_y, at_a, a_words, a_voxels, at_b, b_words, b_voxels,
-                    down, base_x, base_y, stride, asked, need, witness, out,
+                if finer <= WITNESSED and need == 0 and _all_witnessed(
+                    x, y, finer, offsets[0, 0], offsets[0, 1], at_a, a_words, a_voxels, at_b, b_words, b_voxels,
+                    tall, base_x, base_y, stride, asked, witness, out,
                 ):  # fmt: skip
                     continue
                 at_top = finer == TOP
                 cells, n_cells = (roots, roots.shape[0]) if at_top else (lists[level], counts[level])
                 split, dx, dy = 1 if at_top else 2, offsets[finer, 0] + x, offsets[finer, 1] + y
-                if any_bit:
+                if finer == 1 and need == 0:
+                    _decide(
+                        a_some_row, a_some, a_first[1], a_shape[1, 0], a_shape[1, 1], b_some_row, b_some, b_shape[1, 1],
+                        cells, n_cells, x, y, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, tall,
+                        base_x, base_y, stride, asked, witness, out,
+                    )  # fmt: skip
+                    continue
+                if need == 0:
                     counts[finer] = _sift(
                         a_own_row, a_own, a_some_row, a_some, a_sure_row, a_sure,
-                        a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_n,
-                        b_some_row, b_some, b_sure_row, b_sure, b_first[finer], b_shape[finer, 1], b_n,
-                        cells, n_cells, split, dx, dy, down, lists[finer], need.shape[0],
+                        a_first[finer], a_shape[finer, 0], a_shape[finer, 1],
+                        b_some_row, b_some, b_sure_row, b_sure, b_first[finer], b_shape[finer, 1],
+                        cells, n_cells, split, dx, dy, lists[finer],
                     )  # fmt: skip
                 else:
                     counts[finer] = _sift_every(
                         a_own_row, a_own, a_some_row, a_some, a_sure_row, a_sure,
-                        a_first[finer], a_shape[finer, 0], a_shape[finer, 1], a_n,
-                        b_some_row, b_some, b_sure_row, b_sure, b_first[finer], b_shape[finer, 1], b_n,
-                        cells, n_cells, split, dx, dy, down, lists[finer], need, seen, sure,
+                        a_first[finer], a_shape[finer, 0], a_shape[finer, 1],
+                        b_some_row, b_some, b_sure_row, b_sure, b_first[finer], b_shape[finer, 1],
+                        cells, n_cells, split, dx, dy, lists[finer], need, wanted, lanes,
                     )  # fmt: skip
                 if counts[finer] == SETTLED:
                     _settle(asked, base_x, base_y, stride, finer, x, y, out)
+                elif counts[finer] > 0 and finer == 1:
+                    _decide_every(
+                        lists[1], counts[1], x, y, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, tall,
+                        base_x, base_y, stride, asked, need, wanted, lanes, out,
+                    )  # fmt: skip
                 elif counts[finer] > 0:
                     block[finer, 0], block[finer, 1] = x, y
                     child[finer] = 0
@@ -282,22 +290,18 @@ def _sift(
     a_first: int,
     a_x: int,
     a_y: int,
-    a_n: int,
     b_some_row: Int32Array,
     b_some: Words,
     b_sure_row: Int32Array,
     b_sure: Words,
     b_first: int,
     b_y: int,
-    b_n: int,
     cells: Int32Array,
     n_cells: int,
     split: int,
     dx: int,
     dy: int,
-    down: int,
     kept: Int32Array,
-    n_words: int,
 ) -> int:
     """Keep the cells (split: 1) or the children of cells (split: 2) that can meet A.
 
@@ -306,35 +310,28 @@ def _sift(
     """
     n = 0
     for c in range(n_cells):
-        low, high = np.uint64(cells[c, 2]), np.uint64(cells[c, 3])
         for part in range(split * split):
             x, y = split * cells[c, 0] + (part & 1), split * cells[c, 1] + (part >> 1)
             i, j = x + dx, y + dy
             if i < 0 or j < 0 or i >= a_x or j >= a_y:
                 continue
-            cell_a, cell_b = a_first + i * a_y + j, b_first + x * b_y + y
-            if a_some_row[cell_a] < 0 or b_some_row[cell_b] < 0:
+            cell_a, cell_b = np.uint64(a_first + i * a_y + j), np.uint64(b_first + x * b_y + y)
+            row_a, row_b = a_some_row[cell_a], b_some_row[cell_b]
+            if row_a == EMPTY or row_b == EMPTY or _common(a_some, row_a, b_some, row_b) == 0:
                 continue
-            some_a, some_b = _row(a_some_row[cell_a], a_n, down), _row(b_some_row[cell_b], b_n, 0)
-            if _shared(a_some, some_a, b_some, some_b, low, high) == 0:
-                continue
-            sure = np.uint64(0)
-            if a_sure_row[cell_a] >= 0:
-                sure |= _shared(a_sure, _row(a_sure_row[cell_a], a_n, down), b_some, some_b, low, high)
-            if b_sure_row[cell_b] >= 0 and a_own_row[cell_a] >= 0:
-                own_a, sure_b = _row(a_own_row[cell_a], a_n, down), _row(b_sure_row[cell_b], b_n, 0)
-                sure |= _shared(a_own, own_a, b_sure, sure_b, low, high)
-            if sure != 0:
+            sure_a, sure_b = a_sure_row[cell_a], b_sure_row[cell_b]
+            if (sure_a != EMPTY and _common(a_sure, sure_a, b_some, row_b) != 0) or (
+                sure_b != EMPTY and _common(a_own, a_own_row[cell_a], b_sure, sure_b) != 0
+            ):
                 _to_front(cells, c)
                 return SETTLED
             kept[n, 0], kept[n, 1] = x, y
-            kept[n, 2], kept[n, 3] = _span(a_some, some_a, b_some, some_b, low, high, n_words)
             n += 1
     return n
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _sift_every(  # noqa: C901
+def _sift_every(
     a_own_row: Int32Array,
     a_own: Words,
     a_some_row: Int32Array,
@@ -344,106 +341,77 @@ def _sift_every(  # noqa: C901
     a_first: int,
     a_x: int,
     a_y: int,
-    a_n: int,
     b_some_row: Int32Array,
     b_some: Words,
     b_sure_row: Int32Array,
     b_sure: Words,
     b_first: int,
     b_y: int,
-    b_n: int,
     cells: Int32Array,
     n_cells: int,
     split: int,
     dx: int,
     dy: int,
-    down: int,
     kept: Int32Array,
-    need: Words,
-    seen: Words,
-    sure: Words,
+    need: np.uint64,
+    wanted: np.uint64,
+    lanes: int,
 ) -> int:
-    """`_sift` where all bits of `need` must occur."""
-    n_words = need.shape[0]
-    seen[:] = 0
-    sure[:] = 0
-    n = 0
+    """`_sift` where all bits of `need` must occur; `wanted` has them in every lane."""
+    n, seen, sure = 0, np.uint64(0), np.uint64(0)
     for c in range(n_cells):
         for part in range(split * split):
             x, y = split * cells[c, 0] + (part & 1), split * cells[c, 1] + (part >> 1)
             i, j = x + dx, y + dy
             if i < 0 or j < 0 or i >= a_x or j >= a_y:
                 continue
-            cell_a, cell_b = a_first + i * a_y + j, b_first + x * b_y + y
-            if a_some_row[cell_a] < 0 or b_some_row[cell_b] < 0:
+            cell_a, cell_b = np.uint64(a_first + i * a_y + j), np.uint64(b_first + x * b_y + y)
+            row_b = b_some_row[cell_b]
+            common = _common(a_some, a_some_row[cell_a], b_some, row_b) & wanted
+            if common == 0:
                 continue
-            some_a, some_b = _row(a_some_row[cell_a], a_n, down), _row(b_some_row[cell_b], b_n, 0)
-            own_a, sure_a = _row(a_own_row[cell_a], a_n, down), _row(a_sure_row[cell_a], a_n, down)
-            sure_b = _row(b_sure_row[cell_b], b_n, 0)
-            low, high = -1, -1
-            for slab in range(cells[c, 2], cells[c, 3], n_words):
-                for f in range(n_words):
-                    w = np.uint64(slab + f)
-                    common = a_some[some_a + w] & b_some[some_b + w] & need[f]
-                    if common == 0:
-                        continue
-                    seen[f] |= common
-                    if a_sure_row[cell_a] >= 0:
-                        sure[f] |= a_sure[sure_a + w] & common
-                    if b_sure_row[cell_b] >= 0 and a_own_row[cell_a] >= 0:
-                        sure[f] |= a_own[own_a + w] & b_sure[sure_b + w]
-                    low, high = slab if low < 0 else low, slab
-            if low >= 0:
-                kept[n, 0], kept[n, 1], kept[n, 2], kept[n, 3] = x, y, low, high + n_words
-                n += 1
-    if _has_all(sure, need):
+            seen |= common
+            sure |= _common(a_sure, a_sure_row[cell_a], b_some, row_b)
+            sure |= _common(a_own, a_own_row[cell_a], b_sure, b_sure_row[cell_b])
+            kept[n, 0], kept[n, 1] = x, y
+            n += 1
+    if _in_some_lane(sure, lanes) & need == need:
         return SETTLED
-    return n if _has_all(seen, need) else 0
+    return n if _in_some_lane(seen, lanes) & need == need else 0
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _shared(a: Words, at_a: np.uint64, b: Words, at_b: np.uint64, low: np.uint64, high: np.uint64) -> np.uint64:
-    """Bits that two rows have in common over a range of words."""
+def _common(a: Words, row_a: int, b: Words, row_b: int) -> np.uint64:
+    """Bits that two rows have in common, in whichever slab."""
+    at_a, at_b = _at(row_a), _at(row_b)
     common = np.uint64(0)
-    for w in range(low, high):
+    for w in range(np.uint64(SLABS)):
         common |= a[at_a + w] & b[at_b + w]
     return common
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _span(
-    a: Words, at_a: np.uint64, b: Words, at_b: np.uint64, low: np.uint64, high: np.uint64, n_words: int
-) -> tuple[int, int]:
-    """The range of whole slabs outside which two rows, which do meet, have nothing in common."""
-    one = np.uint64(1)
-    while a[at_a + low] & b[at_b + low] == 0:
-        low += one
-    while a[at_a + high - one] & b[at_b + high - one] == 0:
-        high -= one
-    start, stop = int(low), int(high)
-    if n_words > 1:  # divisions take as long as all the rest
-        start, stop = start - start % n_words, stop + -stop % n_words
-    return start, stop
+def _repeated(bits: np.uint64, lanes: int) -> np.uint64:
+    """The same bits in every lane."""
+    out = np.uint64(0)
+    for lane in range(lanes):
+        out |= bits << np.uint64(lane * (WORD // lanes))
+    return out
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _row(row: int, n_words: int, offset: int) -> np.uint64:
-    """Where a row begins; unsigned, or every look would ask whether the index is negative."""
-    return np.uint64(row * n_words + offset)
+def _in_some_lane(bits: np.uint64, lanes: int) -> np.uint64:
+    """Bits that occur in some lane, as those of the first; what lies beyond them has no meaning."""
+    out = np.uint64(0)
+    for lane in range(lanes):
+        out |= bits >> np.uint64(lane * (WORD // lanes))
+    return out
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _to_front(cells: Int32Array, c: int) -> None:
-    for k in range(4):
+    for k in range(2):
         cells[c, k], cells[0, k] = cells[0, k], cells[c, k]
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _has_all(seen: Words, need: Words) -> bool:
-    for w in range(need.shape[0]):
-        if need[w] & ~seen[w] != 0:
-            return False
-    return True
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -459,80 +427,45 @@ def _all_witnessed(
     at_b: Int32Array,
     b_words: Words,
     b_voxels: Words,
-    down: int,
+    tall: int,
     base_x: int,
     base_y: int,
     stride: int,
     asked: BoolArray,
-    need: Words,
-    witness: Int32Array,
+    witness: IntArray,
     out: BoolArray,
 ) -> bool:
     """Try the column that settled the last shift on those of a block, until it fails."""
+    column = at_b[witness[0], witness[1]]
     i0, i1 = _cells_of_block(asked.shape[0], base_x, stride, level, x)
     j0, j1 = _cells_of_block(asked.shape[1], base_y, stride, level, y)
     for i in range(i0, i1):
         for j in range(j0, j1):
             if asked[i, j] and not out[i, j]:
-                dx, dy = off_x + base_x + i * stride, off_y + base_y + j * stride
-                if not _column_settles(
-                    witness, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, down, True, need, need
-                ):
+                u = witness[0] + off_x + base_x + i * stride
+                v = witness[1] + off_y + base_y + j * stride
+                if u < 0 or v < 0 or u >= at_a.shape[0] or v >= at_a.shape[1]:
+                    return False
+                if not _share_voxel(a_words, a_voxels, at_a[u, v], b_words, b_voxels, column, tall):
                     return False
                 out[i, j] = True
     return True
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _decide(
-    x: int,
-    y: int,
+def _decide(  # noqa: C901
+    a_row: Int32Array,
+    a: Words,
+    a_first: int,
+    a_x: int,
+    a_y: int,
+    b_row: Int32Array,
+    b: Words,
+    b_y: int,
     cells: Int32Array,
     n_cells: int,
-    off_x: int,
-    off_y: int,
-    at_a: Int32Array,
-    a_words: Words,
-    a_voxels: Words,
-    at_b: Int32Array,
-    b_words: Words,
-    b_voxels: Words,
-    down: int,
-    base_x: int,
-    base_y: int,
-    stride: int,
-    asked: BoolArray,
-    any_bit: bool,
-    need: Words,
-    seen: Words,
-    witness: Int32Array,
-    column: Int32Array,
-    out: BoolArray,
-) -> None:
-    """Decide a single shift, if it is asked for and still open, column by column."""
-    i, j = (x - base_x) // stride, (y - base_y) // stride
-    if i * stride != x - base_x or j * stride != y - base_y:
-        return
-    if i < 0 or j < 0 or i >= asked.shape[0] or j >= asked.shape[1] or not asked[i, j] or out[i, j]:
-        return
-    seen[:] = 0
-    for c in range(n_cells):
-        column[2], column[3] = cells[c, 2], cells[c, 3]
-        for part in range(4):
-            column[0], column[1] = 2 * cells[c, 0] + (part & 1), 2 * cells[c, 1] + (part >> 1)
-            if _column_settles(
-                column, off_x + x, off_y + y, at_a, a_words, a_voxels, at_b, b_words, b_voxels,
-                down, any_bit, need, seen,
-            ):  # fmt: skip
-                out[i, j] = True
-                witness[:] = column
-                _to_front(cells, c)
-                return
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _column_settles(
-    column: Int32Array,
+    block_x: int,
+    block_y: int,
     dx: int,
     dy: int,
     at_a: Int32Array,
@@ -541,29 +474,145 @@ def _column_settles(
     at_b: Int32Array,
     b_words: Words,
     b_voxels: Words,
-    down: int,
-    any_bit: bool,
-    need: Words,
-    seen: Words,
+    tall: int,
+    base_x: int,
+    base_y: int,
+    stride: int,
+    asked: BoolArray,
+    witness: IntArray,
+    out: BoolArray,
+) -> None:
+    """Decide the four shifts of a block of level 1, from the cells that are left of its parent."""
+    i0, i1 = _cells_of_block(asked.shape[0], base_x, stride, 1, block_x)
+    j0, j1 = _cells_of_block(asked.shape[1], base_y, stride, 1, block_y)
+    left = 0
+    for u in range(i0, i1):
+        for v in range(j0, j1):
+            left += asked[u, v] and not out[u, v]
+    for c in range(n_cells):
+        for part in range(4):
+            x, y = 2 * cells[c, 0] + (part & 1), 2 * cells[c, 1] + (part >> 1)
+            i, j = x + dx, y + dy
+            if i < 0 or j < 0 or i >= a_x or j >= a_y:
+                continue
+            row_a, row_b = a_row[np.uint64(a_first + i * a_y + j)], b_row[np.uint64(x * b_y + y)]
+            if row_a == EMPTY or row_b == EMPTY or _common(a, row_a, b, row_b) == 0:
+                continue
+            near = _near_of_four(at_a, a_words, np.uint64(2 * i), np.uint64(2 * j), at_b, b_words, 2 * x, 2 * y)
+            for u in range(i0, i1):
+                for v in range(j0, j1):
+                    sx, sy = base_x + u * stride - 2 * block_x, base_y + v * stride - 2 * block_y
+                    if near[2 * sx + sy] == 0 or not asked[u, v] or out[u, v]:
+                        continue
+                    for p in range(2):
+                        for q in range(2):
+                            if not out[u, v] and _share_voxel(
+                                a_words, a_voxels, at_a[np.uint64(2 * i + sx + p), np.uint64(2 * j + sy + q)],
+                                b_words, b_voxels, at_b[np.uint64(2 * x + p), np.uint64(2 * y + q)], tall,
+                            ):  # fmt: skip
+                                out[u, v] = True
+                                witness[0], witness[1] = 2 * x + p, 2 * y + q
+                                left -= 1
+            if left == 0:
+                _to_front(cells, c)
+                return
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _near_of_four(
+    at_a: Int32Array, a: Words, u: np.uint64, v: np.uint64, at_b: Int32Array, b: Words, x: int, y: int
+) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Bits that two by two columns of B, from (x, y) on, have in common with A's, from (u, v) on, shifted by (0, 0),
+    (0, 1), (1, 0) and (1, 1)."""
+    one, two = np.uint64(1), np.uint64(2)
+    a00, a01, a02 = _at(at_a[u, v]), _at(at_a[u, v + one]), _at(at_a[u, v + two])
+    a10, a11, a12 = _at(at_a[u + one, v]), _at(at_a[u + one, v + one]), _at(at_a[u + one, v + two])
+    a20, a21, a22 = _at(at_a[u + two, v]), _at(at_a[u + two, v + one]), _at(at_a[u + two, v + two])
+    i, j = np.uint64(x), np.uint64(y)
+    b00, b01 = _at(at_b[i, j]), _at(at_b[i, j + one])
+    b10, b11 = _at(at_b[i + one, j]), _at(at_b[i + one, j + one])
+    n00, n01, n10, n11 = np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
+    for w in range(np.uint64(SLABS)):
+        w00, w01, w10, w11 = b[b00 + w], b[b01 + w], b[b10 + w], b[b11 + w]
+        middle = a[a11 + w]
+        n00 |= (a[a00 + w] & w00) | (a[a01 + w] & w01) | (a[a10 + w] & w10) | (middle & w11)
+        n01 |= (a[a01 + w] & w00) | (a[a02 + w] & w01) | (middle & w10) | (a[a12 + w] & w11)
+        n10 |= (a[a10 + w] & w00) | (middle & w01) | (a[a20 + w] & w10) | (a[a21 + w] & w11)
+        n11 |= (middle & w00) | (a[a12 + w] & w01) | (a[a21 + w] & w10) | (a[a22 + w] & w11)
+    return n00, n01, n10, n11
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _at(row: int) -> np.uint64:
+    """Where a row begins; unsigned, or every look would ask whether the index is negative."""
+    return np.uint64(row) * np.uint64(SLABS)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _decide_every(
+    cells: Int32Array,
+    n_cells: int,
+    block_x: int,
+    block_y: int,
+    dx: int,
+    dy: int,
+    at_a: Int32Array,
+    a_words: Words,
+    a_voxels: Words,
+    at_b: Int32Array,
+    b_words: Words,
+    b_voxels: Words,
+    tall: int,
+    base_x: int,
+    base_y: int,
+    stride: int,
+    asked: BoolArray,
+    need: np.uint64,
+    wanted: np.uint64,
+    lanes: int,
+    out: BoolArray,
+) -> None:
+    """Decide the shifts of a block of level 1 where all bits of `need` must occur; `wanted` has them in every lane."""
+    i0, i1 = _cells_of_block(asked.shape[0], base_x, stride, 1, block_x)
+    j0, j1 = _cells_of_block(asked.shape[1], base_y, stride, 1, block_y)
+    for u in range(i0, i1):
+        for v in range(j0, j1):
+            if not asked[u, v]:
+                continue
+            seen = np.uint64(0)
+            for c in range(n_cells):
+                sx = 2 * (cells[c, 0] + dx) + (base_x + u * stride - 2 * block_x)
+                sy = 2 * (cells[c, 1] + dy) + (base_y + v * stride - 2 * block_y)
+                for p in range(2):
+                    for q in range(2):
+                        seen |= wanted & _common_of_voxels(
+                            a_words, a_voxels, at_a[sx + p, sy + q],
+                            b_words, b_voxels, at_b[2 * cells[c, 0] + p, 2 * cells[c, 1] + q], tall,
+                        )  # fmt: skip
+            out[u, v] = _in_some_lane(seen, lanes) & need == need
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _share_voxel(
+    a_words: Words, a_voxels: Words, row_a: int, b_words: Words, b_voxels: Words, row_b: int, tall: int
 ) -> bool:
-    """Whether a column of B, over a range of its words, settles a shift: it meets A, in the last bit still needed."""
-    i, j = column[0] + dx, column[1] + dy
-    b = at_b[column[0], column[1]]
-    if b < 0 or i < 0 or j < 0 or i >= at_a.shape[0] or j >= at_a.shape[1] or at_a[i, j] < 0:
+    """Whether two columns share a voxel in some frame."""
+    if row_a == EMPTY or row_b == EMPTY or _common(a_words, row_a, b_words, row_b) == 0:
         return False
-    a = at_a[i, j]
-    rise = a_voxels.shape[1] // a_words.shape[1]  # voxels' words to one word of a slab
-    n_words = need.shape[0]
-    for slab in range(column[2], column[3], n_words):
-        near = np.uint64(0)
-        for w in range(slab, slab + n_words):
-            near |= a_words[a, w + down] & b_words[b, w]
-        if near == 0:
-            continue
-        for at in range(slab * rise, (slab + n_words) * rise):
-            common = a_voxels[a, at + down * rise] & b_voxels[b, at]
-            if common != 0:
-                if any_bit:
-                    return True
-                seen[at % n_words] |= common
-    return not any_bit and _has_all(seen, need)
+    if tall == 1:
+        return True
+    return _common_of_voxels(a_words, a_voxels, row_a, b_words, b_voxels, row_b, tall) != 0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _common_of_voxels(
+    a_words: Words, a_voxels: Words, row_a: int, b_words: Words, b_voxels: Words, row_b: int, tall: int
+) -> np.uint64:
+    """The bits that two columns have in common in some voxel, in whichever slab."""
+    at_a, at_b = _at(row_a), _at(row_b)
+    size, common = np.uint64(tall), np.uint64(0)
+    for w in range(np.uint64(SLABS)):
+        if a_words[at_a + w] & b_words[at_b + w] != 0:
+            for k in range(size):
+                common |= a_voxels[(at_a + w) * size + k] & b_voxels[(at_b + w) * size + k]
+    return common

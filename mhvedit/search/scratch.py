@@ -1,10 +1,12 @@
 """Memory that short-lived arrays are laid into again and again: clearing fresh pages would take as long as the work."""
 
 from math import prod
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+
+LINE: Final = 64  # bytes of a line of the processor's cache; arrays begin on one
 
 
 class Scratch:
@@ -18,5 +20,12 @@ class Scratch:
         size = prod(shape) * np.dtype(dtype).itemsize
         memory = self._memory.get(name)
         if memory is None or memory.size < size:
-            memory = self._memory[name] = np.empty(size, np.uint8)
+            memory = self._memory[name] = _aligned(size)
         return memory[:size].view(dtype).reshape(shape)
+
+
+def _aligned(size: int) -> NDArray[np.uint8]:
+    """Bytes from the beginning of a cache line on."""
+    whole = np.empty(size + LINE, np.uint8)
+    first = -whole.ctypes.data % LINE
+    return whole[first : first + size]

@@ -1,8 +1,8 @@
 """At which shifts is somebody in sight? Exact on voxel centres, with work that grows with the boundary of the answer.
 
-Shifts are taken in square blocks and the volume in cells of 8 voxels. Seen from anywhere in a block, a cell lies within
-a ball around the direction of its middle; a block is settled if such a ball lies wholly in the cone, or if none reaches
-into it. Otherwise it is quartered, with those cells that are still open; single shifts look at the voxels of these.
+Shifts are taken in square blocks and the volume in cubes of as many voxels a side. Seen from anywhere in a block, a
+cube lies within a ball around the direction of its middle; a block is settled if such a ball lies wholly in the cone,
+or if none reaches into it. Otherwise both are halved: four blocks, with what the cubes that are still open hold.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,14 @@ from mhvedit.constraints.visibility import SightCone
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.planar import rotation
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.pyramid import MOMENT_SLAB, Columns, TurnedColumns, level_of
+from mhvedit.search.columns import WORD, Columns, TurnedColumns, columns_of, moment_layout
+from mhvedit.volumes.history import MotionHistoryVolume
 
-CELL_LEVEL = 3
-CELL = 1 << CELL_LEVEL  # voxels along a cell's side
-TOP_BLOCK = 64  # shifts along the side of the coarsest blocks
+TOP = 6
+TOP_SIDE = 1 << TOP  # shifts along the side of the coarsest blocks, voxels along that of the coarsest cubes
 WITNESSED = 8  # shifts along the side of the coarsest blocks that the last witness is tried on
 MARGIN = 1e-9  # m, by which a ball must clear the cone's surface to be settled at once
+SETTLED = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +30,12 @@ class MutualSight:
 
     a: SightCone
     b: SightCone
+
+
+def whole_columns(volume: MotionHistoryVolume) -> Columns:
+    """All of a volume of one moment, as it is looked at."""
+    low = volume.grid.start[2]
+    return columns_of(volume, moment_layout(low, low + volume.grid.shape[2]))
 
 
 def a_sees_b(
@@ -72,137 +79,188 @@ def _in_sight(
 ) -> BoolArray:
     """The eye of cell (i, j) is at eye + (i, j) * step."""
     out = np.zeros(asked.shape, np.bool_)
-    cells = _occupied_cells(level_of(volume.some, CELL_LEVEL), volume.columns)
-    corner = np.append(volume.starts[0], volume.columns.first * volume.columns.slab)
-    middles = (corner + CELL * cells + 0.5 * (CELL - 1)) * pitch
-    open_cells = np.empty((TOP_BLOCK.bit_length() + 1, len(cells)), np.int32)
-    open_cells[0] = np.arange(len(cells))
+    corner = np.append(volume.start, volume.columns.layout.low).astype(np.float64)
     view = (eye, direction, np.sin(cone.half_angle), np.cos(cone.half_angle), step, pitch)
-    solid = (
-        cells,
-        middles,
-        corner,
-        volume.column_of,
-        volume.columns.voxels,
-        volume.columns.slab,
-        volume.columns.n_words,
-    )
-    _look(open_cells, view, solid, asked, out)
+    words, first, along_y = _cubes(volume.column_of, volume.columns.voxels)
+    _look(view, (words, first, along_y, corner), asked, out)
     return out
 
 
-def _occupied_cells(level: Words, columns: Columns) -> Int32Array:
-    """(C, 3) cells of the level that hold anything, from the columns' first voxel on."""
-    if columns.slab == MOMENT_SLAB:  # bits are voxels, bytes cells
-        filled = level.astype("<u8").view(np.uint8) != 0
-    else:
-        filled = (level != 0).reshape(*level.shape[:2], -1, columns.n_words).any(-1)
-    return np.argwhere(filled).astype(np.int32)
-
-
 View = tuple[FloatArray, FloatArray, float, float, float, float]  # eye, direction, sine and cosine, step, pitch
-Solid = tuple[Int32Array, FloatArray, IntArray, Int32Array, Words, int, int]
+Cubes = tuple[Words, IntArray, IntArray, FloatArray]
+"""Columns (N, W) of cubes of all levels, one level after the other, a bit for each cube that holds anything, at the
+height of its first voxel; where a level begins; how many columns it has along y; lattice index (3,) of the first voxel."""
 
 
 @njit(cache=True, nogil=True)
-def _look(open_cells: Int32Array, view: View, solid: Solid, asked: BoolArray, out: BoolArray) -> None:
+def _cubes(column_of: Int32Array, voxels: Words) -> tuple[Words, IntArray, IntArray]:
+    """Which cubes of 2^L voxels a side hold anything."""
+    n_x, n_y = column_of.shape
+    first, along_y = np.zeros(TOP + 2, np.int64), np.zeros(TOP + 1, np.int64)
+    for level in range(TOP + 1):
+        along_y[level] = -(-n_y >> level)
+        first[level + 1] = first[level] + -(-n_x >> level) * along_y[level]
+    words = np.zeros((first[TOP + 1], voxels.shape[1]), np.uint64)
+    for x in range(n_x):
+        for y in range(n_y):
+            for w in range(voxels.shape[1]):
+                words[x * n_y + y, w] = voxels[column_of[x, y], w]
+    for level in range(TOP):
+        half, feet = np.uint64(1 << level), np.uint64(0)
+        for bit in range(0, WORD, 2 << level):
+            feet |= np.uint64(1) << np.uint64(bit)
+        for x in range(-(-n_x >> level)):
+            for y in range(along_y[level]):
+                fine, coarse = first[level] + x * along_y[level] + y, first[level + 1] + (x >> 1) * along_y[level + 1]
+                for w in range(voxels.shape[1]):
+                    word = words[fine, w]
+                    words[coarse + (y >> 1), w] |= (word | word >> half) & feet
+    return words, first, along_y
+
+
+@njit(cache=True, nogil=True)
+def _look(view: View, cubes: Cubes, asked: BoolArray, out: BoolArray) -> None:
     """Settle all blocks of shifts."""
     view = (uncounted(view[0]), uncounted(view[1]), view[2], view[3], view[4], view[5])
-    arrays = uncounted(solid[0]), uncounted(solid[1]), uncounted(solid[2]), uncounted(solid[3]), uncounted(solid[4])
-    solid = (arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], solid[5], solid[6])
-    for i in range(0, asked.shape[0], TOP_BLOCK):
-        for j in range(0, asked.shape[1], TOP_BLOCK):
-            _settle_block(i, j, uncounted(open_cells), view, solid, uncounted(asked), uncounted(out))
+    cubes = uncounted(cubes[0]), uncounted(cubes[1]), uncounted(cubes[2]), uncounted(cubes[3])
+    roots = _roots(cubes)
+    lists = np.empty((TOP + 1, _most(cubes), 3), np.int32)
+    for i in range(0, asked.shape[0], TOP_SIDE):
+        for j in range(0, asked.shape[1], TOP_SIDE):
+            _settle_block(i, j, uncounted(roots), uncounted(lists), view, cubes, uncounted(asked), uncounted(out))
+
+
+@njit(cache=True, nogil=True)
+def _roots(cubes: Cubes) -> Int32Array:
+    """(N, 3) the coarsest cubes: column along x and y, and height of the first voxel."""
+    words, first, along_y, _ = cubes
+    found = np.empty(((words.shape[0] - first[TOP]) * words.shape[1], 3), np.int32)
+    n = 0
+    for column in range(words.shape[0] - first[TOP]):
+        for w in range(words.shape[1]):
+            if words[first[TOP] + column, w] != 0:
+                found[n, 0], found[n, 1], found[n, 2] = column // along_y[TOP], column % along_y[TOP], w * WORD
+                n += 1
+    return found[:n]
+
+
+@njit(cache=True, nogil=True)
+def _most(cubes: Cubes) -> int:
+    """No level has more cubes than this: eight times those of level 1."""
+    words, first, _, _ = cubes
+    n = 0
+    for column in range(first[1], first[2]):
+        for word in words[column]:
+            while word != 0:
+                word &= word - np.uint64(1)
+                n += 8
+    return n
 
 
 @njit(cache=True, nogil=True)  # with a stack of its own: compiled recursion does not survive the cache
 def _settle_block(
-    i: int, j: int, open_cells: Int32Array, view: View, solid: Solid, asked: BoolArray, out: BoolArray
+    i: int, j: int, roots: Int32Array, lists: Int32Array, view: View, cubes: Cubes, asked: BoolArray, out: BoolArray
 ) -> None:
-    """Settle one of the coarsest blocks of shifts, depth first; row d of `open_cells` is what is open at depth d."""
+    """Settle one of the coarsest blocks of shifts, depth first; `lists` holds what is open on the way down."""
     eye, step = view[0], view[4]
     witness = np.full(3, np.nan)  # the voxel that was seen last
-    counts = np.zeros(open_cells.shape[0], np.int64)
-    counts[0] = open_cells.shape[1]
-    stack = np.zeros((4 * open_cells.shape[0], 3), np.int64)  # first shift of a block, and its depth
-    stack[0, 0], stack[0, 1] = i, j
+    counts = np.zeros(TOP + 1, np.int64)
+    stack = np.zeros((4 * (TOP + 1), 3), np.int64)  # first shift of a block, and its level
+    stack[0, 0], stack[0, 1], stack[0, 2] = i, j, TOP
     height = 1
     while height > 0:
         height -= 1
-        u, v, depth = stack[height]
-        size = TOP_BLOCK >> depth
+        u, v, level = stack[height]
+        size = 1 << level
         here = asked[u : u + size, v : v + size]
         if not here.any():
             continue
         if size <= WITNESSED and _all_see(witness, u, v, here, view, out[u : u + size, v : v + size]):
             continue
         at_x, at_y = eye[0] + (u + 0.5 * (size - 1)) * step, eye[1] + (v + 0.5 * (size - 1)) * step
-        kept = _sift(size, counts[depth], open_cells[depth], open_cells[depth + 1], at_x, at_y, view, solid)
-        if kept < 0 or (size == 1 and _any_in_sight(open_cells[depth + 1, :kept], at_x, at_y, view, solid, witness)):
+        if level == TOP:
+            kept = _sift(level, 1, roots, roots.shape[0], lists[level], at_x, at_y, view, cubes, witness)
+        else:
+            above = level + 1
+            kept = _sift(level, 2, lists[above], counts[above], lists[level], at_x, at_y, view, cubes, witness)
+        if kept == SETTLED:
             out[u : u + size, v : v + size] = here
         elif size > 1 and kept > 0:
-            counts[depth + 1] = kept
+            counts[level] = kept
             for quarter in range(4):
                 stack[height, 0] = u + (quarter & 1) * (size // 2)
                 stack[height, 1] = v + (quarter >> 1) * (size // 2)
-                stack[height, 2] = depth + 1
+                stack[height, 2] = level - 1
                 height += 1
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _sift(
-    size: int,
-    n_open: int,
-    open_cells: Int32Array,
+    level: int,
+    split: int,
+    above: Int32Array,
+    n_above: int,
     kept: Int32Array,
     at_x: float,
     at_y: float,
     view: View,
-    solid: Solid,
+    cubes: Cubes,
+    witness: FloatArray,
 ) -> int:
-    """Keep the cells that are still open for a block of shifts; -1 if some cell is in sight from all of it."""
+    """Keep the cubes (split: 1) or the parts of cubes (split: 2) that are open for a block of shifts.
+
+    Returns:
+        How many; SETTLED if one is in sight from all of the block.
+    """
     eye, direction, sine, cosine, step, pitch = view
-    middles = solid[1]
-    reach = 0.5 * np.sqrt(3.0) * (CELL - 1) * pitch + abs(step) * (size - 1) * np.sqrt(0.5) + MARGIN
+    words, first, along_y, corner = cubes
+    side = 1 << level
+    reach = 0.5 * np.sqrt(3.0) * (side - 1) * pitch + abs(step) * (side - 1) * np.sqrt(0.5) + MARGIN
     n = 0
-    for c in range(n_open):
-        cell = open_cells[c]
-        x, y, z = middles[cell, 0] - at_x, middles[cell, 1] - at_y, middles[cell, 2] - eye[2]
-        inwards = _inwards(x, y, z, direction, sine, cosine)
-        if inwards > reach:
-            open_cells[c], open_cells[0] = open_cells[0], cell
-            return -1
-        if inwards >= -reach:
-            kept[n] = cell
-            n += 1
+    for c in range(n_above):
+        for part in range(split * split * split):
+            i, j = split * above[c, 0] + (part & 1), split * above[c, 1] + (part >> 1 & 1)
+            k = above[c, 2] + side * (part >> 2)
+            if j >= along_y[level] or first[level] + i * along_y[level] >= first[level + 1]:
+                continue
+            if not words[first[level] + i * along_y[level] + j, k // WORD] >> np.uint64(k % WORD) & np.uint64(1):
+                continue
+            x = (corner[0] + side * i + 0.5 * (side - 1)) * pitch - at_x
+            y = (corner[1] + side * j + 0.5 * (side - 1)) * pitch - at_y
+            z = (corner[2] + k + 0.5 * (side - 1)) * pitch - eye[2]
+            inwards = _inwards(x, y, z, direction, sine, cosine)
+            if inwards > reach or (side == 1 and inwards >= -reach and _in_cone(x, y, z, direction, cosine)):
+                if side == 1:
+                    witness[0], witness[1], witness[2] = x + at_x, y + at_y, z + eye[2]
+                for d in range(3):
+                    above[c, d], above[0, d] = above[0, d], above[c, d]
+                return SETTLED
+            if inwards >= -reach:
+                kept[n, 0], kept[n, 1], kept[n, 2] = i, j, k
+                n += 1
     return n
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _all_see(witness: FloatArray, u: int, v: int, asked: BoolArray, view: View, out: BoolArray) -> bool:
-    """Try the voxel that was seen last from all shifts of a block, until one does not see it."""
+    """Try the point that was seen last from all shifts of a block, until it is not seen from one."""
     eye, direction, _, cosine, step, _ = view
     z = witness[2] - eye[2]
     for i in range(asked.shape[0]):
         for j in range(asked.shape[1]):
             if asked[i, j]:
                 x, y = witness[0] - eye[0] - (u + i) * step, witness[1] - eye[1] - (v + j) * step
-                along = x * direction[0] + y * direction[1] + z * direction[2]
-                if not along >= cosine * np.sqrt(x * x + y * y + z * z):  # nor where there is no witness yet
+                if not _in_cone(x, y, z, direction, cosine):  # nor where there is no witness yet
                     return False
                 out[i, j] = True
     return True
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _any_in_sight(
-    open_cells: Int32Array, at_x: float, at_y: float, view: View, solid: Solid, witness: FloatArray
-) -> bool:
-    """Whether some voxel of the open cells is in the cone; the first that is becomes the witness."""
-    for cell in open_cells:
-        if _voxel_in_sight(cell, at_x, at_y, view, solid, witness):
-            return True
-    return False
+def _in_cone(x: float, y: float, z: float, direction: FloatArray, cosine: float) -> bool:
+    """Whether a point beside the eye is in the cone."""
+    along = x * direction[0] + y * direction[1] + z * direction[2]
+    return bool(along >= cosine * np.sqrt(x * x + y * y + z * z))
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -214,35 +272,3 @@ def _inwards(x: float, y: float, z: float, direction: FloatArray, sine: float, c
     along = x * direction[0] + y * direction[1] + z * direction[2]
     across = np.sqrt(max(0.0, x * x + y * y + z * z - along * along))
     return float(along * sine - across * cosine)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _voxel_in_sight(cell: int, at_x: float, at_y: float, view: View, solid: Solid, witness: FloatArray) -> bool:
-    """Whether the centre of some filled voxel of a cell is in the cone."""
-    eye, direction, sine, cosine, _, pitch = view
-    cells, middles, corner, column_of, voxels, slab, n_words = solid
-    reach = 0.5 * (CELL - 1) * pitch + MARGIN
-    dz = middles[cell, 2] - eye[2]
-    for i in range(CELL * cells[cell, 0], CELL * cells[cell, 0] + CELL):
-        for j in range(CELL * cells[cell, 1], CELL * cells[cell, 1] + CELL):
-            column = column_of[i, j]
-            x, y = (corner[0] + i) * pitch - at_x, (corner[1] + j) * pitch - at_y
-            if column < 0 or _inwards(x, y, dz, direction, sine, cosine) < -reach:
-                continue
-            for k in range(CELL * cells[cell, 2], CELL * cells[cell, 2] + CELL):
-                z = (corner[2] + k) * pitch - eye[2]
-                along = x * direction[0] + y * direction[1] + z * direction[2]
-                if along >= cosine * np.sqrt(x * x + y * y + z * z) and _filled(voxels[column], k, slab, n_words):
-                    witness[0], witness[1], witness[2] = x + at_x, y + at_y, z + eye[2]
-                    return True
-    return False
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _filled(column: Words, k: int, slab: int, n_words: int) -> bool:
-    if slab == MOMENT_SLAB:
-        return bool((column[k // MOMENT_SLAB] >> np.uint64(k % MOMENT_SLAB)) & np.uint64(1))
-    for w in range(k * n_words, (k + 1) * n_words):
-        if column[w] != 0:
-            return True
-    return False

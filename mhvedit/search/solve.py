@@ -11,11 +11,13 @@ from mhvedit.constraints.clauses import Clause, Option
 from mhvedit.constraints.dictionary import ever
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray, ByteArray
+from mhvedit.search.columns import Columns, TurnedColumns, turned
+from mhvedit.search.facing import Facing, facings_of
 from mhvedit.search.meet import meets
 from mhvedit.search.poses import PoseGrid
-from mhvedit.search.pyramid import Columns, Pyramid, TurnedColumns, columns_of, pyramid_of, turned
+from mhvedit.search.pyramid import TurnedPyramid, turned_pyramid
 from mhvedit.search.scratch import Scratch
-from mhvedit.search.sight import MutualSight, a_sees_b, b_sees_a
+from mhvedit.search.sight import MutualSight, a_sees_b, b_sees_a, whole_columns
 from mhvedit.volumes.history import MotionHistoryVolume
 
 ACCEPTED, OUTSIDE = 0, 1
@@ -55,8 +57,7 @@ class SightTest:
 class _Prepared:
     """Volumes arranged for the search, shared by all clauses that name them."""
 
-    resting: dict[int, Pyramid]
-    columns: dict[int, Columns]
+    facings: dict[int, tuple[Facing, ...]]  # by identity of the meeting
     seen_a: TurnedColumns | None  # all of A, for B to look at
     seen_b: Columns | None
 
@@ -105,18 +106,11 @@ def search_poses(
 
 
 def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
-    resting: dict[int, Pyramid] = {}
-    columns: dict[int, Columns] = {}
-    for clause in clauses:
-        for option in clause.options:
-            for meeting in option.must + option.never:
-                if id(meeting.a) not in resting:
-                    resting[id(meeting.a)] = pyramid_of(meeting.a)
-                if id(meeting.b) not in columns:
-                    columns[id(meeting.b)] = columns_of(meeting.b)
+    meetings = [m for clause in clauses for option in clause.options for m in option.must + option.never]
+    facings = facings_of(meetings)
     if sight is None:
-        return _Prepared(resting, columns, None, None)
-    return _Prepared(resting, columns, turned(columns_of(ever(sight.a)), 0.0), columns_of(ever(sight.b)))
+        return _Prepared(facings, None, None)
+    return _Prepared(facings, turned(whole_columns(ever(sight.a)), 0.0), whole_columns(ever(sight.b)))
 
 
 class _Desk:
@@ -126,17 +120,17 @@ class _Desk:
         self.prepared = prepared
         self.scratch = Scratch()
         self._of_turns: dict[int, Scratch] = {}
-        self._turned: dict[int, TurnedColumns] = {}
+        self._turned: dict[int, TurnedPyramid] = {}
         self._yaw = np.nan
 
-    def turned(self, volume: MotionHistoryVolume, yaw: float) -> TurnedColumns:
+    def turned(self, columns: Columns, yaw: float) -> TurnedPyramid:
         """A volume turned about z; those turned by another yaw are lost."""
         if yaw != self._yaw:
             self._yaw, self._turned = yaw, {}
-        key = id(volume)
+        key = id(columns)
         if key not in self._turned:
             space = self._of_turns.setdefault(key, Scratch())
-            self._turned[key] = turned(self.prepared.columns[key], yaw, space)
+            self._turned[key] = turned_pyramid(turned(columns, yaw, space), space)
         return self._turned[key]
 
 
@@ -158,7 +152,7 @@ def _mark_reasons(
         passed = _passing(clause.options[0], alive.copy(), desk, grid, k)
         for option in clause.options[1:]:
             passed |= _passing(option, alive & ~passed, desk, grid, k)
-        reason[alive & ~passed] = number
+        _mark(reason, alive, passed, number)
         alive = passed
     if sight is not None and alive.any():
         _mark_unseen(reason, alive, sight.cones, desk, grid, k, len(BASE_REASONS) + len(clauses))
@@ -169,19 +163,32 @@ def _passing(option: Option, asked: BoolArray, desk: _Desk, grid: PoseGrid, k: i
     for meeting, wanted in [(meeting, True) for meeting in option.must] + [(m, False) for m in option.never]:
         if not asked.any():
             break
-        b = desk.turned(meeting.b, float(grid.yaws[k]))
-        met = meets(
-            desk.prepared.resting[id(meeting.a)],
-            b,
-            base=grid.base[k],
-            stride=grid.stride,
-            asked=asked,
-            every=meeting.every,
-            scratch=desk.scratch,
-        )
+        met = _meeting(desk.prepared.facings[id(meeting)], meeting.every is not None, asked, desk, grid, k)
         np.equal(met, wanted, out=met)
         asked &= met
     return asked
+
+
+def _meeting(
+    facings: Sequence[Facing], all_of_them: bool, asked: BoolArray, desk: _Desk, grid: PoseGrid, k: int
+) -> BoolArray:
+    """At which of the poses asked for all facings meet, or any does."""
+    found: BoolArray | None = None
+    for facing in facings:
+        open_still = asked if found is None else asked & (found if all_of_them else ~found)
+        met = meets(
+            facing.a,
+            desk.turned(facing.b, float(grid.yaws[k])),
+            base=grid.base[k],
+            stride=grid.stride,
+            asked=open_still,
+            every=facing.every,
+            scratch=desk.scratch,
+        )
+        if len(facings) > 1:  # the next one is laid where this one lies
+            met = met.copy() if found is None or all_of_them else found | met
+        found = met
+    return np.full_like(asked, all_of_them) if found is None else found
 
 
 def _mark_unseen(
@@ -194,8 +201,17 @@ def _mark_unseen(
     where = {"base": grid.base[k], "step": grid.step, "pitch": grid.step / grid.stride}
     seen = a_sees_b(cones.a, turned(seen_b, yaw), asked=alive, **where)
     back = b_sees_a(cones.b, seen_a, yaw, asked=seen, **where)
-    reason[alive & ~seen] = number
-    reason[seen & ~back] = number + 1
+    _mark(reason, alive, seen, number)
+    _mark(reason, seen, back, number + 1)
+
+
+@njit(cache=True, nogil=True)
+def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -> None:
+    """Blame a constraint for what was alive and did not pass it."""
+    for x in range(reason.shape[0]):
+        for y in range(reason.shape[1]):
+            if alive[x, y] and not passed[x, y]:
+                reason[x, y] = number
 
 
 @njit(cache=True, nogil=True)

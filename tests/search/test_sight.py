@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mhvedit.constraints.dictionary import ever
 from mhvedit.constraints.visibility import SightCone
 from mhvedit.geometry.grid import VoxelGrid
-from mhvedit.search.pyramid import columns_of, turned
-from mhvedit.search.sight import a_sees_b, b_sees_a
+from mhvedit.search.columns import turned
+from mhvedit.search.sight import a_sees_b, b_sees_a, whole_columns
 from mhvedit.volumes.history import MotionHistoryVolume
 from tests import oracles
 from tests.oracles import Cone, Voxel
@@ -50,8 +51,8 @@ def test_both_directions_agree_with_brute_force(seed: int) -> None:
     base, asked = np.array([-37, -29]), rng.random((70, 66)) < 0.01
     where: dict[str, Any] = {"base": base, "step": PITCH, "asked": asked, "pitch": PITCH}
     (cone_a, plain_a), (cone_b, plain_b) = random_cone(rng), random_cone(rng)
-    there = a_sees_b(cone_a, turned(columns_of(b), yaw), **where)
-    back = b_sees_a(cone_b, turned(columns_of(a), 0.0), yaw, **where)
+    there = a_sees_b(cone_a, turned(whole_columns(ever(b)), yaw), **where)
+    back = b_sees_a(cone_b, turned(whole_columns(ever(a)), 0.0), yaw, **where)
     cells_a, cells_b = dict.fromkeys(voxels_of(a), 0), oracles.turned(dict.fromkeys(voxels_of(b), 0), yaw)
     assert not (there | back)[~asked].any()
     for i, j in np.argwhere(asked).tolist():
@@ -75,10 +76,10 @@ def moved_cone(cone: Cone, x: int, y: int, yaw: float) -> Cone:
 def test_a_voxel_45_degrees_off_the_gaze_is_seen_from_that_half_angle_on(angle: float, seen: bool) -> None:
     dot = MotionHistoryVolume(VoxelGrid((10, 0, 10), (1, 1, 1), PITCH), np.ones((1, 1, 1, 1), np.uint64), 1)
     cone = SightCone(np.zeros(3), np.array([1.0, 0, 0]), np.deg2rad(angle))
-    assert a_sees_b(cone, turned(columns_of(dot), 0.0), **one_shift())[0, 0] == seen
+    assert a_sees_b(cone, turned(whole_columns(ever(dot)), 0.0), **one_shift())[0, 0] == seen
 
 
 def test_nothing_is_seen_of_an_empty_volume() -> None:
     empty = MotionHistoryVolume(VoxelGrid((0, 0, 0), (1, 1, 1), PITCH), np.zeros((1, 1, 1, 1), np.uint64), 1)
     cone = SightCone(np.zeros(3), np.array([1.0, 0, 0]), 3.0)
-    assert not a_sees_b(cone, turned(columns_of(empty), 1.0), **one_shift(4)).any()
+    assert not a_sees_b(cone, turned(whole_columns(ever(empty)), 1.0), **one_shift(4)).any()

@@ -1,0 +1,202 @@
+"""Volumes arranged for the search: columns of words over the floor, and columns turned about z.
+
+Poses move and turn on the floor, so what lies over one voxel of the floor stays together: a column. A range of heights
+is cut into a few slabs, a word each. A word has one bit for each frame, and where frames leave room, several lanes of
+such bits, one for each of equal stretches of the slab: a volume of one moment has 64 lanes. Two columns may share a
+voxel in some frame only where an AND of their slabs is not zero. Below a slab lie the words of its voxels, one of each
+lane to a word, so that OR and AND over a slab's voxels keep lanes apart.
+
+A volume is turned about z by looking up, for every column of the lattice, the column of the untouched volume that its
+centre falls into.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray, Words
+from mhvedit.search.scratch import Scratch
+from mhvedit.volumes.history import MotionHistoryVolume
+
+WORD = 64  # bits
+BLOCK = 16  # turned columns come in multiples of so many
+EMPTY = 0  # number of the column that holds nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where in the words of a column the frames of a voxel are: voxel `low + (s lanes + l) tall + v` is lane l of word
+    v of slab s.
+    """
+
+    low: int  # lattice index along z of the first voxel
+    n_slabs: int  # S
+    lanes: int  # stretches of a slab, a power of two
+    tall: int  # voxels in a stretch
+
+    @property
+    def high(self) -> int:
+        """Lattice index along z past the last voxel."""
+        return self.low + self.n_slabs * self.lanes * self.tall
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """The occupied columns of a volume; column EMPTY holds nothing."""
+
+    layout: Layout
+    column_of: Int32Array  # (X, Y) index into the words
+    start: IntArray  # (2,) lattice index of column (0, 0)
+    some: Words  # (C, S) what occurs in some voxel of each stretch
+    every: Words  # (C, S) what occurs in every voxel of each stretch
+    voxels: Words  # (C, S tall) what occurs in each voxel
+    outline: FloatArray  # (N, 2) lattice indices of the first and the last occupied column of each row
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TurnedColumns:
+    """A volume turned about z."""
+
+    columns: Columns  # untouched
+    column_of: Int32Array  # (X, Y) index into the columns' words; X and Y multiples of BLOCK
+    start: IntArray  # (2,) lattice index of column (0, 0), multiples of BLOCK
+
+
+def lanes_of(n_frames: int) -> int:
+    """How many lanes of so many frames fit into a word.
+
+    >>> [lanes_of(n) for n in (1, 16, 23, 33, 64)]
+    [64, 4, 2, 1, 1]
+    """
+    return 1 << (WORD // n_frames).bit_length() - 1
+
+
+def fitted_layout(low: int, high: int, *, n_frames: int, n_slabs: int) -> Layout:
+    """The layout of a range of heights in so many slabs, as fine as they allow.
+
+    Args:
+        low: lattice index along z of the first voxel.
+        high: past the last.
+        n_frames: bits of a voxel, at most 64.
+        n_slabs: words of a column.
+    """
+    lanes = lanes_of(n_frames)
+    return Layout(low, n_slabs, lanes, max(1, -(-(high - low) // (n_slabs * lanes))))
+
+
+def moment_layout(low: int, high: int) -> Layout:
+    """The layout of a volume of one moment in which a slab is 64 voxels."""
+    return Layout(low, max(1, -(-(high - low) // WORD)), WORD, 1)
+
+
+def columns_of(volume: MotionHistoryVolume, layout: Layout, *, word: int = 0) -> Columns:
+    """Collect the columns of a volume that hold anything.
+
+    Args:
+        volume: of a subject.
+        layout: of the heights that matter; what lies outside them is left out.
+        word: which of the volume's words of 64 frames.
+    """
+    z = volume.grid.start[2]
+    first, past = (min(max(at - z, 0), volume.frames.shape[2]) for at in (layout.low, layout.high))
+    frames = volume.frames[:, :, first:past, word]
+    column_of, cells = _occupied(frames)
+    voxels = _packed(frames, cells, z + first - layout.low, layout.n_slabs, layout.lanes, layout.tall)
+    some, every = (voxels, voxels) if layout.tall == 1 else _pooled(voxels, layout.tall)
+    start = np.array(volume.grid.start[:2])
+    ends = np.flatnonzero(np.diff(cells[:, 0], prepend=-1, append=-1))
+    outline = np.concatenate([cells[ends[:-1]], cells[ends[1:] - 1]]) + start
+    return Columns(layout, column_of, start, some, every, voxels, outline.astype(np.float64))
+
+
+def turned(columns: Columns, yaw: float, scratch: Scratch | None = None) -> TurnedColumns:
+    """Turn a volume about z.
+
+    Args:
+        columns: of the volume.
+        yaw: rad, counter-clockwise.
+        scratch: to lay the result into; what was laid there before is lost.
+    """
+    c, s = np.cos(yaw), np.sin(yaw)
+    start, shape = aligned(*_turned_box(columns.outline, c, s))
+    column_of = (scratch or Scratch()).array("columns", (int(shape[0]), int(shape[1])), np.int32)
+    _turn(columns.column_of, columns.start, c, s, start, column_of)
+    return TurnedColumns(columns, column_of, start)
+
+
+def aligned(low: IntArray, high: IntArray) -> tuple[IntArray, IntArray]:
+    """The rectangle grown to multiples of BLOCK: where it starts, and its size."""
+    start = low // BLOCK * BLOCK
+    return start, np.maximum(-(-high // BLOCK) * BLOCK - start, BLOCK)
+
+
+@njit(cache=True, nogil=True)
+def _occupied(frames: Words) -> tuple[Int32Array, Int32Array]:
+    """Number the columns that hold anything, from EMPTY + 1 on: (X, Y) number, and (C - 1, 2) x, y."""
+    column_of = np.full(frames.shape[:2], EMPTY, np.int32)
+    cells = np.empty((frames.shape[0] * frames.shape[1], 2), np.int32)
+    n = 0
+    for x in range(frames.shape[0]):
+        for y in range(frames.shape[1]):
+            if frames[x, y].any():
+                cells[n, 0], cells[n, 1] = x, y
+                n += 1
+                column_of[x, y] = EMPTY + n
+    return column_of, cells[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _packed(frames: Words, cells: Int32Array, low: int, n_slabs: int, lanes: int, tall: int) -> Words:
+    """(C, S tall) the words of the voxels of all columns, the empty one first; `low` is the height of voxel 0."""
+    voxels = np.zeros((cells.shape[0] + 1, n_slabs * tall), np.uint64)
+    width = WORD // lanes
+    for n in range(cells.shape[0]):
+        column = frames[cells[n, 0], cells[n, 1]]
+        for z in range(column.shape[0]):
+            stretch, voxel = divmod(low + z, tall)
+            slab, lane = divmod(stretch, lanes)
+            voxels[n + 1, slab * tall + voxel] |= column[z] << np.uint64(lane * width)
+    return voxels
+
+
+@njit(cache=True, nogil=True)
+def _pooled(voxels: Words, tall: int) -> tuple[Words, Words]:
+    """(C, S) OR and AND over the voxels of each slab."""
+    n_slabs = voxels.shape[1] // tall
+    some = np.zeros((voxels.shape[0], n_slabs), np.uint64)
+    every = np.full((voxels.shape[0], n_slabs), ~np.uint64(0))
+    for n in range(voxels.shape[0]):
+        for slab in range(n_slabs):
+            for v in range(slab * tall, (slab + 1) * tall):
+                some[n, slab] |= voxels[n, v]
+                every[n, slab] &= voxels[n, v]
+    return some, every
+
+
+@njit(cache=True, nogil=True)
+def _turned_box(outline: FloatArray, c: float, s: float) -> tuple[IntArray, IntArray]:
+    """The first and past-the-last lattice index that turned columns can have."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for n in range(outline.shape[0]):
+        x, y = c * outline[n, 0] - s * outline[n, 1], s * outline[n, 0] + c * outline[n, 1]
+        low[0], low[1] = min(low[0], x), min(low[1], y)
+        high[0], high[1] = max(high[0], x), max(high[1], y)
+    if outline.shape[0] == 0:
+        low[:], high[:] = 0.0, 0.0
+    return np.floor(low - 1).astype(np.int64), np.ceil(high + 2).astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _turn(column_of: Int32Array, start: IntArray, c: float, s: float, first: IntArray, out: Int32Array) -> None:
+    """The column that each turned column's centre falls into."""
+    last_u, last_v = column_of.shape[0], column_of.shape[1]
+    start_u, start_v = start
+    for i in range(out.shape[0]):
+        x = float(first[0] + i)
+        for j in range(out.shape[1]):
+            y = float(first[1] + j)
+            u = int(np.floor(c * x + s * y + 0.5)) - start_u
+            v = int(np.floor(c * y - s * x + 0.5)) - start_v
+            inside = 0 <= u < last_u and 0 <= v < last_v
+            out[i, j] = column_of[np.uint64(u), np.uint64(v)] if inside else np.int32(EMPTY)
