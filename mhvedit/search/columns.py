@@ -118,17 +118,18 @@ def turned(columns: Columns, yaw: float, scratch: Scratch | None = None) -> Turn
         yaw: rad, counter-clockwise.
         scratch: to lay the result into; what was laid there before is lost.
     """
-    c, s = np.cos(yaw), np.sin(yaw)
+    c, s = float(np.cos(yaw)), float(np.sin(yaw))
     start, shape = aligned(*_turned_box(columns.outline, c, s))
     column_of = (scratch or Scratch()).array("columns", (int(shape[0]), int(shape[1])), np.int32)
     _turn(columns.column_of, columns.start, c, s, start, column_of)
     return TurnedColumns(columns, column_of, start)
 
 
+@njit(cache=True, nogil=True)
 def aligned(low: IntArray, high: IntArray) -> tuple[IntArray, IntArray]:
     """The rectangle grown to multiples of BLOCK: where it starts, and its size."""
     start = low // BLOCK * BLOCK
-    return start, np.maximum(-(-high // BLOCK) * BLOCK - start, BLOCK)
+    return start, np.maximum((high + BLOCK - 1) // BLOCK * BLOCK - start, BLOCK)
 
 
 @njit(cache=True, nogil=True)
@@ -192,11 +193,26 @@ def _turn(column_of: Int32Array, start: IntArray, c: float, s: float, first: Int
     """The column that each turned column's centre falls into."""
     last_u, last_v = column_of.shape[0], column_of.shape[1]
     start_u, start_v = start
+    out[:] = EMPTY
     for i in range(out.shape[0]):
         x = float(first[0] + i)
-        for j in range(out.shape[1]):
+        low, high = _crossing(s, c * x - start_u, last_u, first[1], out.shape[1])
+        low_v, high_v = _crossing(c, -s * x - start_v, last_v, first[1], out.shape[1])
+        for j in range(max(low, low_v), min(high, high_v)):
             y = float(first[1] + j)
             u = int(np.floor(c * x + s * y + 0.5)) - start_u
             v = int(np.floor(c * y - s * x + 0.5)) - start_v
-            inside = 0 <= u < last_u and 0 <= v < last_v
-            out[i, j] = column_of[np.uint64(u), np.uint64(v)] if inside else np.int32(EMPTY)
+            if 0 <= u < last_u and 0 <= v < last_v:
+                out[i, j] = column_of[np.uint64(u), np.uint64(v)]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _crossing(slope: float, at_zero: float, size: int, first: int, n: int) -> tuple[int, int]:
+    """A range of j within n outside which slope (first + j) + at_zero does not round to an index of `size`; wide by a
+    column or so.
+    """
+    if abs(slope) < 1e-6:
+        return 0, n
+    one, other = (-1.0 - at_zero) / slope - first, (size - at_zero) / slope - first
+    low, high = min(one, other), max(one, other)
+    return int(max(0.0, min(low, float(n)))), int(min(float(n), max(high + 2.0, 0.0)))

@@ -523,7 +523,8 @@ def _near_of_four(
     at_a: Int32Array, a: Words, u: np.uint64, v: np.uint64, at_b: Int32Array, b: Words, x: int, y: int
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Bits that two by two columns of B, from (x, y) on, have in common with A's, from (u, v) on, shifted by (0, 0),
-    (0, 1), (1, 0) and (1, 1)."""
+    (0, 1), (1, 0) and (1, 1).
+    """
     one, two = np.uint64(1), np.uint64(2)
     a00, a01, a02 = _at(at_a[u, v]), _at(at_a[u, v + one]), _at(at_a[u, v + two])
     a10, a11, a12 = _at(at_a[u + one, v]), _at(at_a[u + one, v + one]), _at(at_a[u + one, v + two])
@@ -601,7 +602,7 @@ def _share_voxel(
         return False
     if tall == 1:
         return True
-    return _common_of_voxels(a_words, a_voxels, row_a, b_words, b_voxels, row_b, tall) != 0
+    return bool(_common_of_voxels(a_words, a_voxels, row_a, b_words, b_voxels, row_b, tall) != 0)
 
 
 @njit(cache=True, nogil=True, inline="always")

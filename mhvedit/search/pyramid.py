@@ -44,7 +44,7 @@ class Pools:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pyramid:
-    """The volume at rest; cell (x, y) of level L is (lattice index >> L) - starts[L], columns being cells of level 0."""
+    """The volume at rest; cell (x, y) of level L is (lattice index >> L) - starts[L], a column a cell of level 0."""
 
     columns: Columns
     column_of: Int32Array  # (X, Y) as the columns' own, with MARGIN empty ones before and after

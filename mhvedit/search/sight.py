@@ -89,7 +89,7 @@ def _in_sight(
 View = tuple[FloatArray, FloatArray, float, float, float, float]  # eye, direction, sine and cosine, step, pitch
 Cubes = tuple[Words, IntArray, IntArray, FloatArray]
 """Columns (N, W) of cubes of all levels, one level after the other, a bit for each cube that holds anything, at the
-height of its first voxel; where a level begins; how many columns it has along y; lattice index (3,) of the first voxel."""
+height of its first voxel; where a level begins; its columns along y; lattice index (3,) of the first voxel."""
 
 
 @njit(cache=True, nogil=True)

@@ -1,14 +1,19 @@
 """`meets` against voxel-by-voxel brute force, on volumes large enough for every level of the pyramid."""
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mhvedit.constraints.clauses import Meeting
 from mhvedit.geometry.arrays import BoolArray, IntArray, Words
 from mhvedit.geometry.grid import VoxelGrid
+from mhvedit.search.columns import EMPTY, WORD, Columns, Layout, columns_of, fitted_layout, lanes_of, turned
+from mhvedit.search.facing import facings_of
 from mhvedit.search.meet import meets
-from mhvedit.search.pyramid import BLOCK, MOMENT_SLAB, SLAB, TOP, columns_of, level_of, pyramid_of, turned
+from mhvedit.search.pyramid import SLABS, TOP, level_of, pyramid_of, turned_pyramid
 from mhvedit.volumes.history import MotionHistoryVolume, frame_mask
 from tests import oracles
 from tests.oracles import Voxel
@@ -56,6 +61,24 @@ def meets_slowly(a: Bits, b: Bits, shift: tuple[int, int], every: int | None) ->
     return common != 0 if every is None else common & every == every
 
 
+def meets_fast(
+    a: MotionHistoryVolume,
+    b: MotionHistoryVolume,
+    yaw: float,
+    base: IntArray,
+    stride: int,
+    asked: BoolArray,
+    every: Words | None = None,
+) -> BoolArray:
+    """Whatever the number of frames."""
+    meeting = Meeting(a, b, every)
+    parts = []
+    for facing in facings_of([meeting])[id(meeting)]:
+        b_turned = turned_pyramid(turned(facing.b, yaw))
+        parts.append(meets(facing.a, b_turned, base=base, stride=stride, asked=asked, every=facing.every))
+    return np.asarray(np.logical_or.reduce(parts) if every is None else np.logical_and.reduce([asked, *parts]))
+
+
 def check(
     a: MotionHistoryVolume,
     b: MotionHistoryVolume,
@@ -66,7 +89,7 @@ def check(
     every: Words | None,
 ) -> BoolArray:
     """Compare, and return, the answer."""
-    found = meets(pyramid_of(a), turned(columns_of(b), yaw), base=base, stride=stride, asked=asked, every=every)
+    found = meets_fast(a, b, yaw, base, stride, asked, every)
     slow_a, slow_b = bits_of(a), oracles.turned(bits_of(b), yaw)
     need = None if every is None else sum(int(word) << (64 * w) for w, word in enumerate(every))
     expected = np.zeros_like(asked)
@@ -96,7 +119,7 @@ def test_large_blocks_of_shifts_are_settled_as_a_whole_and_rightly(start: Voxel,
     slab = MotionHistoryVolume(VoxelGrid(start, shape, 0.01), np.full((*shape, 1), 1, np.uint64), 1)
     dot = MotionHistoryVolume(VoxelGrid((7, -3, 1), (1, 1, 1), 0.01), np.full((1, 1, 1, 1), 1, np.uint64), 1)
     asked = np.ones((130, 110), np.bool_)
-    found = meets(pyramid_of(slab), turned(columns_of(dot), 0.0), base=np.array([-65, -40]), stride=1, asked=asked)
+    found = meets_fast(slab, dot, 0.0, np.array([-65, -40]), 1, asked)
     x, y = np.arange(130) - 65 + 7, np.arange(110) - 40 - 3
     inside_x = (x >= start[0]) & (x < start[0] + shape[0])
     inside_y = (y >= start[1]) & (y < start[1] + shape[1])
@@ -122,26 +145,35 @@ def test_every_needs_all_bits_but_not_all_in_one_voxel() -> None:
 def test_shifts_that_are_not_asked_for_come_back_false() -> None:
     rng = np.random.default_rng(0)
     volume = boxes_and_crumbs(rng, 20)
-    found = meets(
-        pyramid_of(volume), turned(columns_of(volume), 0.0),
-        base=np.array([-3, -3]), stride=1, asked=np.zeros((7, 7), np.bool_),
-    )  # fmt: skip
+    found = meets_fast(volume, volume, 0.0, np.array([-3, -3]), 1, np.zeros((7, 7), np.bool_))
     assert not found.any()
 
 
 @pytest.mark.parametrize("yaw", [0.0, np.pi / 2, np.pi, 3 * np.pi / 2])
 def test_quarter_turns_move_voxels_onto_voxels(yaw: float) -> None:
-    volume = boxes_and_crumbs(np.random.default_rng(7), 20)
-    columns = turned(columns_of(volume), yaw)
+    volume = boxes_and_crumbs(np.random.default_rng(7), 20, words=1)
+    low = volume.grid.start[2]
+    layout = fitted_layout(low, low + volume.grid.shape[2], n_frames=volume.n_frames, n_slabs=3)
+    columns = turned(columns_of(volume, layout), yaw)
     c, s = round(np.cos(yaw)), round(np.sin(yaw))
-    start = columns.starts[0]
     found = {}
-    for i, j in np.argwhere(columns.column_of >= 0):
-        words = columns.columns.voxels[columns.column_of[i, j]].reshape(-1, columns.columns.n_words)
-        for z in np.flatnonzero(words.any(1)):
-            value = sum(int(word) << (64 * w) for w, word in enumerate(words[z]))
-            found[int(start[0] + i), int(start[1] + j), int(columns.columns.first * SLAB + z)] = value
+    for i, j in np.argwhere(columns.column_of != EMPTY):
+        for z, value in heights_of(columns.columns, int(columns.column_of[i, j])).items():
+            found[int(columns.start[0] + i), int(columns.start[1] + j), z] = value
     assert found == {(c * x - s * y, s * x + c * y, z): bits for (x, y, z), bits in bits_of(volume).items()}
+
+
+def heights_of(columns: Columns, column: int) -> dict[int, int]:
+    """Lattice index along z -> frames as one integer."""
+    layout, found = columns.layout, {}
+    width = WORD // layout.lanes
+    for z in range(layout.low, layout.high):
+        stretch, voxel = divmod(z - layout.low, layout.tall)
+        slab, lane = divmod(stretch, layout.lanes)
+        bits = int(columns.voxels[column, slab * layout.tall + voxel]) >> (lane * width) & ((1 << width) - 1)
+        if bits:
+            found[z] = bits
+    return found
 
 
 def test_a_volume_of_one_moment_agrees_with_brute_force() -> None:
@@ -160,38 +192,51 @@ def test_a_volume_of_one_moment_agrees_with_brute_force() -> None:
             check(a, b, float(rng.choice([0, 2])), base, 1, rng.random((20, 20)) < 0.8, every)
 
 
-@pytest.mark.parametrize("moments", [1, 6])
-def test_each_level_pools_what_some_and_what_every_shift_of_a_block_can_meet(moments: int) -> None:
+@pytest.mark.parametrize("n_frames", [1, 6, 25, 60])
+def test_frames_stand_in_lanes_side_by_side(n_frames: int) -> None:
+    lanes = lanes_of(n_frames)
+    assert lanes * n_frames <= WORD < 2 * lanes * n_frames or n_frames == 1
+    layout = fitted_layout(-7, 200, n_frames=n_frames, n_slabs=SLABS)
+    assert layout.high >= 200
+    assert layout.tall == 1 or fitted_layout(-7, layout.high, n_frames=n_frames, n_slabs=SLABS) == layout
+
+
+@pytest.mark.parametrize("n_frames", [1, 6])
+def test_each_level_pools_what_some_and_what_every_shift_of_a_block_can_meet(n_frames: int) -> None:
     volume = boxes_and_crumbs(np.random.default_rng(11), 30, words=1)
-    volume = MotionHistoryVolume(volume.grid, volume.frames & np.uint64(1 if moments == 1 else 63), moments)
-    pyramid, bits = pyramid_of(volume), bits_of(volume)
-    still = turned(columns_of(volume), 0.0)
-    slab = MOMENT_SLAB if moments == 1 else SLAB
-    assert pyramid.columns.slab == slab
+    volume = MotionHistoryVolume(volume.grid, volume.frames & np.uint64(1 if n_frames == 1 else 63), n_frames)
+    low = volume.grid.start[2]
+    layout = Layout(low - 2, SLABS, lanes_of(n_frames), 2)
+    columns, bits = columns_of(volume, layout), bits_of(volume)
+    pyramid, still = pyramid_of(columns), turned_pyramid(turned(columns, 0.0))
     for level in range(1, TOP + 1):
         size = 1 << level
         pools = (
-            (pyramid.some, pyramid.starts, 0, 2, np.bitwise_or),
-            (pyramid.sure, pyramid.starts, 0, 2, np.bitwise_and),
-            (pyramid.own, pyramid.starts, 0, 1, np.bitwise_or),
-            (still.some, still.starts, 0, 1, np.bitwise_or),
-            (still.sure, still.starts, -size, 2, np.bitwise_and),
+            (pyramid.own, pyramid.starts, 0, size, any),
+            (pyramid.some, pyramid.starts, 0, 2 * size - 1, any),
+            (pyramid.sure, pyramid.starts, 0, 2 * size - 1, all),
+            (still.some, still.starts, 0, size, any),
+            (still.sure, still.starts, 1 - size, 2 * size - 1, all),
         )
-        for found, starts, ahead, cells, pooled in pools:
+        for found, starts, ahead, reach, pooled in pools:
             words = level_of(found, level)
-            for x, y, z in np.ndindex(words.shape):
-                low = (np.array([x, y]) + starts[level]) * size + ahead
-                reached = np.array(
-                    [
-                        [bits.get((int(low[0]) + i, int(low[1]) + j, (pyramid.columns.first + z) * slab + k), 0)
-                         for k in range(slab)]
-                        for i, j in np.ndindex(cells * size, cells * size)
-                    ],
-                    np.uint64,
-                )  # fmt: skip
-                expected = pooled.reduce(reached, axis=0)
-                if moments == 1:
-                    assert words[x, y, z] == sum(int(bit) << k for k, bit in enumerate(expected))
-                else:
-                    assert words[x, y, z] == pooled.reduce(expected)
-    assert BLOCK == 16
+            for x, y in np.ndindex(words.shape[:2]):
+                first = (np.array([x, y]) + starts[level]) * size + ahead
+                window = [(int(first[0]) + i, int(first[1]) + j) for i, j in np.ndindex(reach, reach)]
+                expected = expected_row(bits, window, layout, n_frames, pooled)
+                assert [int(word) for word in words[x, y]] == expected
+
+
+def expected_row(
+    bits: Bits, window: list[tuple[int, int]], layout: Layout, n_frames: int, pooled: Callable[[Iterable[bool]], bool]
+) -> list[int]:
+    """What a row holds, voxel by voxel."""
+    row = []
+    for slab in range(layout.n_slabs):
+        word = 0
+        for lane, frame in np.ndindex(layout.lanes, n_frames):
+            heights = [layout.low + (slab * layout.lanes + lane) * layout.tall + v for v in range(layout.tall)]
+            if pooled(bits.get((x, y, z), 0) >> frame & 1 == 1 for x, y in window for z in heights):
+                word |= 1 << (lane * (WORD // layout.lanes) + frame)
+        row.append(word)
+    return row
