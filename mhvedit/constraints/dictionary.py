@@ -113,9 +113,9 @@ def _moment(volume: MotionHistoryVolume, chosen: BoolArray) -> MotionHistoryVolu
     return trimmed(MotionHistoryVolume(volume.grid, chosen.astype(np.uint64)[..., None], 1))
 
 
-def _touching(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack) -> Clause:
+def _touching(ever_a: MotionHistoryVolume, ever_b: MotionHistoryVolume, slack: Slack) -> Clause:
     """There are contact voxels (Shi et al., eq. 3)."""
-    return Clause(NO_CONTACT, (Option(must=(Meeting(dilated(ever(a), slack.voxels), ever(b)),)),))
+    return Clause(NO_CONTACT, (Option(must=(Meeting(dilated(ever_a, slack.voxels), ever_b),)),))
 
 
 def _at_moments(
@@ -128,7 +128,7 @@ def _at_moments(
     near = Meeting(dilated(right_a, slack.voxels), right_b)
     shared = tuple(m for m in (Meeting(wrong_a, ever_b), Meeting(ever_a, wrong_b)) if _possible(m))
     return (
-        _touching(a, b, slack),
+        _touching(ever_a, ever_b, slack),
         Clause(MISSES_ITS_MOMENT, (Option(must=(near,)),)),
         Clause(TOUCHES_AT_A_WRONG_MOMENT, (Option(never=shared),)),
     )
@@ -143,20 +143,22 @@ def _throughout(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack) ->
     k = min(slack.frames, (a.n_frames - 1) // 2)
     every = frame_mask(a.n_frames, range(k, a.n_frames - k))
     held = Meeting(dilated(a, slack.voxels), b, every)
-    return _touching(a, b, slack), Clause("contact is lost in some frame", (Option(must=(held,)),))
+    return _touching(ever(a), ever(b), slack), Clause("contact is lost in some frame", (Option(must=(held,)),))
 
 
 def _sometimes(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack) -> tuple[Clause, ...]:
     """In contact in some frame (eq. 6)."""
     together = Meeting(dilated(a, slack.voxels), b)
-    return _touching(a, b, slack), Clause("never in contact at the same moment", (Option(must=(together,)),))
+    return _touching(ever(a), ever(b), slack), Clause(
+        "never in contact at the same moment", (Option(must=(together,)),)
+    )
 
 
 def _passing(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack) -> tuple[Clause, ...]:
     """One passes where the other has been, in one order for all contact voxels (eq. 7)."""
     after = _one_after_other(a, b, slack, a_is_later=True)
     before = _one_after_other(a, b, slack, a_is_later=False)
-    return _touching(a, b, slack), Clause("neither passes strictly after the other", (after, before))
+    return _touching(ever(a), ever(b), slack), Clause("neither passes strictly after the other", (after, before))
 
 
 def _one_after_other(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack, *, a_is_later: bool) -> Option:

@@ -119,17 +119,18 @@ def turned(columns: Columns, yaw: float, scratch: Scratch | None = None) -> Turn
         scratch: to lay the result into; what was laid there before is lost.
     """
     c, s = float(np.cos(yaw)), float(np.sin(yaw))
-    start, shape = aligned(*_turned_box(columns.outline, c, s))
-    column_of = (scratch or Scratch()).array("columns", (int(shape[0]), int(shape[1])), np.int32)
+    low_x, high_x, low_y, high_y = _turned_box(columns.outline, c, s)
+    column_of = (scratch or Scratch()).array("columns", (high_x - low_x, high_y - low_y), np.int32)
+    start = np.array([low_x, low_y])
     _turn(columns.column_of, columns.start, c, s, start, column_of)
     return TurnedColumns(columns, column_of, start)
 
 
 @njit(cache=True, nogil=True)
-def aligned(low: IntArray, high: IntArray) -> tuple[IntArray, IntArray]:
-    """The rectangle grown to multiples of BLOCK: where it starts, and its size."""
-    start = low // BLOCK * BLOCK
-    return start, np.maximum((high + BLOCK - 1) // BLOCK * BLOCK - start, BLOCK)
+def aligned(low: int, high: int) -> tuple[int, int]:
+    """A range grown to multiples of BLOCK, one at least."""
+    first = low // BLOCK * BLOCK
+    return first, max((high + BLOCK - 1) // BLOCK * BLOCK, first + BLOCK)
 
 
 @njit(cache=True, nogil=True)
@@ -151,13 +152,15 @@ def _occupied(frames: Words) -> tuple[Int32Array, Int32Array]:
 def _packed(frames: Words, cells: Int32Array, low: int, n_slabs: int, lanes: int, tall: int) -> Words:
     """(C, S tall) the words of the voxels of all columns, the empty one first; `low` is the height of voxel 0."""
     voxels = np.zeros((cells.shape[0] + 1, n_slabs * tall), np.uint64)
-    width = WORD // lanes
+    at, shift = np.empty(frames.shape[2], np.int64), np.empty(frames.shape[2], np.uint64)
+    for z in range(frames.shape[2]):
+        stretch, voxel = divmod(low + z, tall)
+        slab, lane = divmod(stretch, lanes)
+        at[z], shift[z] = slab * tall + voxel, np.uint64(lane * (WORD // lanes))
     for n in range(cells.shape[0]):
-        column = frames[cells[n, 0], cells[n, 1]]
+        column, out = frames[cells[n, 0], cells[n, 1]], voxels[n + 1]
         for z in range(column.shape[0]):
-            stretch, voxel = divmod(low + z, tall)
-            slab, lane = divmod(stretch, lanes)
-            voxels[n + 1, slab * tall + voxel] |= column[z] << np.uint64(lane * width)
+            out[at[z]] |= column[z] << shift[z]
     return voxels
 
 
@@ -176,16 +179,17 @@ def _pooled(voxels: Words, tall: int) -> tuple[Words, Words]:
 
 
 @njit(cache=True, nogil=True)
-def _turned_box(outline: FloatArray, c: float, s: float) -> tuple[IntArray, IntArray]:
-    """The first and past-the-last lattice index that turned columns can have."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+def _turned_box(outline: FloatArray, c: float, s: float) -> tuple[int, int, int, int]:
+    """First and past-the-last lattice index along x, and along y, that turned columns can have, in whole blocks."""
+    low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for n in range(outline.shape[0]):
         x, y = c * outline[n, 0] - s * outline[n, 1], s * outline[n, 0] + c * outline[n, 1]
-        low[0], low[1] = min(low[0], x), min(low[1], y)
-        high[0], high[1] = max(high[0], x), max(high[1], y)
+        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
     if outline.shape[0] == 0:
-        low[:], high[:] = 0.0, 0.0
-    return np.floor(low - 1).astype(np.int64), np.ceil(high + 2).astype(np.int64)
+        low_x, high_x, low_y, high_y = 0.0, 0.0, 0.0, 0.0
+    first_x, past_x = aligned(int(np.floor(low_x - 1)), int(np.ceil(high_x + 2)))
+    first_y, past_y = aligned(int(np.floor(low_y - 1)), int(np.ceil(high_y + 2)))
+    return first_x, past_x, first_y, past_y
 
 
 @njit(cache=True, nogil=True)

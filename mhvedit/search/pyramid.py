@@ -9,9 +9,7 @@ All rows are eight words long, a line of the processor's cache, whatever the vol
 has to stay near, and loops of a known length compile to a few instructions.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
 from numba import njit
@@ -72,24 +70,19 @@ def level_of(pools: Pools, level: int) -> Words:
 
 def pyramid_of(columns: Columns) -> Pyramid:
     """Pool the volume that stays at rest."""
-    start, shape = aligned(columns.start, columns.start + columns.column_of.shape)
-    column_of = np.full(shape + 2 * MARGIN, EMPTY, np.int32)
+    ends = [aligned(int(low), int(low) + n) for low, n in zip(columns.start, columns.column_of.shape, strict=True)]
+    start = np.array([first for first, _ in ends])
+    column_of = np.full([past - first + 2 * MARGIN for first, past in ends], EMPTY, np.int32)
     low = columns.start - start + MARGIN
     high = low + columns.column_of.shape
     column_of[low[0] : high[0], low[1] : high[1]] = columns.column_of
-    n_x, n_y = shape.tolist()
-    grown = [(0, 0)] + [((n_x >> level) + 1, (n_y >> level) + 1) for level in range(1, TOP + 1)]
-    own, some, sure = (_blank(grown, Scratch(), "pools") for _ in range(3))
+    own, some, sure = (_blank(column_of, 1, Scratch(), "pools") for _ in range(3))
     return Pyramid(
         columns=columns,
         column_of=column_of,
         own=_cut(own, _pool_cells(column_of, columns.some, 1, *own.arrays)),
-        some=_cut(
-            some, _pool_windows(column_of, columns.some, 0, False, some.first, some.shape, some.row_of, some.rows)
-        ),
-        sure=_cut(
-            sure, _pool_windows(column_of, columns.every, 0, True, sure.first, sure.shape, sure.row_of, sure.rows)
-        ),
+        some=_cut(some, _pool_windows(column_of, columns.some, 0, False, *some.arrays)),
+        sure=_cut(sure, _pool_windows(column_of, columns.every, 0, True, *sure.arrays)),
         starts=np.where(LEVELS > 0, (start >> LEVELS) - 1, start - MARGIN),
     )
 
@@ -102,27 +95,36 @@ def turned_pyramid(turned: TurnedColumns, scratch: Scratch | None = None) -> Tur
         scratch: to lay the result into; what was laid there before is lost.
     """
     scratch = scratch or Scratch()
-    n_x, n_y = turned.column_of.shape
-    shape = [(0, 0)] + [(n_x >> level, n_y >> level) for level in range(1, TOP + 1)]
-    some, sure = _blank(shape, scratch, "some"), _blank(shape, scratch, "sure")
     columns, column_of = turned.columns, turned.column_of
+    some, sure = _blank(column_of, 0, scratch, "some"), _blank(column_of, 0, scratch, "sure")
     n_some = _pool_cells(column_of, columns.some, 0, *some.arrays)
     n_sure = _pool_windows(column_of, columns.every, 1, True, *sure.arrays)
     return TurnedPyramid(turned, _cut(some, n_some), _cut(sure, n_sure), turned.start >> LEVELS)
 
 
-def _blank(shape: Sequence[tuple[int, int]], scratch: Scratch, name: str) -> Pools:
-    """Pools with room for all cells."""
-    ends = list(accumulate(x * y for x, y in shape))
-    rows = scratch.array(f"{name}, rows", (ends[-1] + 1, SLABS), np.uint64)
-    row_of = scratch.array(f"{name}, numbers", (ends[-1],), np.int32)
-    rows[EMPTY] = 0
-    return Pools(rows, row_of, np.array([0, *ends[:-1]]), np.array(shape))
+def _blank(column_of: Int32Array, grown: int, scratch: Scratch, name: str) -> Pools:
+    """Pools with room for all cells, on levels that are larger by so many cells."""
+    first, shape = _levels(column_of.shape[0], column_of.shape[1], grown)
+    count = int(first[-1] + shape[-1, 0] * shape[-1, 1])
+    rows = scratch.array(f"{name}, rows", (count + 1, SLABS), np.uint64)
+    row_of = scratch.array(f"{name}, numbers", (count,), np.int32)
+    return Pools(rows, row_of, first, shape)
 
 
 def _cut(pools: Pools, n_rows: int) -> Pools:
     """Pools without the room that was not needed."""
     return Pools(pools.rows[:n_rows], pools.row_of, pools.first, pools.shape)
+
+
+@njit(cache=True, nogil=True)
+def _levels(n_x: int, n_y: int, grown: int) -> tuple[IntArray, IntArray]:
+    """Where each level begins, and its cells along x and y, if columns have MARGIN empty ones for each cell grown."""
+    first, shape = np.zeros(TOP + 1, np.int64), np.zeros((TOP + 1, 2), np.int64)
+    for level in range(1, TOP + 1):
+        first[level] = first[level - 1] + shape[level - 1, 0] * shape[level - 1, 1]
+        shape[level, 0] = ((n_x - 2 * MARGIN * grown) >> level) + grown
+        shape[level, 1] = ((n_y - 2 * MARGIN * grown) >> level) + grown
+    return first, shape
 
 
 @njit(cache=True, nogil=True)
@@ -134,6 +136,7 @@ def _pool_cells(
     Cell x of a level pools cells 2 x - `behind` and the next of the one below.
     """
     words, rows = uncounted(words), uncounted(rows)
+    rows[EMPTY] = 0
     n = EMPTY + 1
     for x in range(shape[1, 0]):
         for y in range(shape[1, 1]):
@@ -173,6 +176,7 @@ def _pool_windows(
     """
     words, rows = uncounted(words), uncounted(rows)
     flat = column_of.ravel()
+    rows[EMPTY] = 0
     n = EMPTY + 1
     for level in range(1, TOP + 1):
         below, source, fine = (flat, words, 0) if level == 1 else (row_of, rows, first[level - 1])

@@ -144,8 +144,7 @@ def _mark_reasons(
     reason: ByteArray,
 ) -> None:
     """Find the (size, size) reasons at one yaw, of the poses that are to be tested."""
-    reason[:] = OUTSIDE
-    reason[alive] = ACCEPTED
+    np.logical_not(alive, out=reason.view(np.bool_))  # OUTSIDE or ACCEPTED
     for number, clause in enumerate(clauses, start=len(BASE_REASONS)):
         if not alive.any():
             return
@@ -226,7 +225,7 @@ def _keep_those(among: BoolArray, alive: BoolArray) -> None:
 @njit(cache=True, nogil=True)
 def _lay_beside(found: ByteArray, out: ByteArray) -> None:
     """Maps one behind the other, (K, X, Y), as the columns of one: (X, Y, K)."""
-    for x in range(out.shape[0]):
-        for y in range(out.shape[1]):
-            for k in range(out.shape[2]):
+    for x in range(np.uint64(out.shape[0])):
+        for y in range(np.uint64(out.shape[1])):
+            for k in range(np.uint64(out.shape[2])):
                 out[x, y, k] = found[k, x, y]
