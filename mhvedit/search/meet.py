@@ -13,13 +13,12 @@ The kernels take flat, uncounted arrays and are compiled into one: neighbouring 
 and counts of references would cost more than the looks.
 """
 
-from math import prod
-
 import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, Int32Array, IntArray, Words
 from mhvedit.geometry.uncounted import uncounted
+from mhvedit.search.blocks import asked_blocks
 from mhvedit.search.columns import EMPTY, WORD
 from mhvedit.search.pyramid import SLABS, TOP, Pools, Pyramid, TurnedPyramid
 from mhvedit.search.scratch import Scratch
@@ -67,7 +66,7 @@ def meets(
         a.column_of, a.columns.some.ravel(), a.columns.voxels.ravel(),
         b.turned.column_of, b.turned.columns.some.ravel(), b.turned.columns.voxels.ravel(),
         layout.tall, layout.lanes, roots, lists, base * stride, stride,
-        asked, *_asked_blocks(asked, base * stride, stride, scratch),
+        asked, *asked_blocks(asked, base * stride, stride, scratch),
         np.uint64(every or 0), out,
     )  # fmt: skip
     return out
@@ -77,56 +76,6 @@ def _level(pools: Pools, level: int) -> tuple[Int32Array, int, int]:
     """The numbers of one level's rows, and its size."""
     x, y = pools.shape[level].tolist()
     return pools.row_of[pools.first[level] : pools.first[level] + x * y], x, y
-
-
-def _asked_blocks(
-    asked: BoolArray, base: IntArray, stride: int, scratch: Scratch
-) -> tuple[BoolArray, IntArray, IntArray]:
-    """Which blocks of shifts contain one that is asked for: all levels in a row, where each begins, and their sizes."""
-    most = sum(prod((n * stride >> level) + 2 for n in asked.shape) for level in range(1, TOP + 1))
-    blocks = scratch.array("blocks", (most,), np.bool_)
-    first, sizes = np.zeros(TOP + 1, np.int64), np.zeros((TOP + 1, 2), np.int64)
-    _mark_blocks(asked, base[0], base[1], stride, blocks, first, sizes)
-    return blocks, first, sizes
-
-
-@njit(cache=True, nogil=True)
-def _mark_blocks(
-    asked: BoolArray, base_x: int, base_y: int, stride: int, blocks: BoolArray, first: IntArray, sizes: IntArray
-) -> None:
-    last_x, last_y = base_x + (asked.shape[0] - 1) * stride, base_y + (asked.shape[1] - 1) * stride
-    past = 0
-    for level in range(1, TOP + 1):
-        first[level] = past
-        sizes[level, 0] = (last_x >> level) - (base_x >> level) + 1
-        sizes[level, 1] = (last_y >> level) - (base_y >> level) + 1
-        past += sizes[level, 0] * sizes[level, 1]
-    blocks[:past] = False
-    for i in range(asked.shape[0]):
-        row = (((base_x + i * stride) >> 1) - (base_x >> 1)) * sizes[1, 1]
-        if stride == 1:
-            _mark_pairs(asked[i], base_y & 1, blocks[row : row + sizes[1, 1]])
-            continue
-        for j in range(asked.shape[1]):
-            blocks[row + ((base_y + j * stride) >> 1) - (base_y >> 1)] |= asked[i, j]
-    for level in range(2, TOP + 1):
-        low_x, low_y = base_x >> level - 1, base_y >> level - 1
-        fine = blocks[first[level - 1] : first[level - 1] + sizes[level - 1, 0] * sizes[level - 1, 1]]
-        for x in range(sizes[level - 1, 0]):
-            row = first[level] + (((low_x + x) >> 1) - (low_x >> 1)) * sizes[level, 1]
-            own = fine[x * sizes[level - 1, 1] : (x + 1) * sizes[level - 1, 1]]
-            _mark_pairs(own, low_y & 1, blocks[row : row + sizes[level, 1]])
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _mark_pairs(row: BoolArray, odd: int, out: BoolArray) -> None:
-    """Mark each pair of which one is marked; `odd`: the first has no partner."""
-    if odd:
-        out[0] |= row[0]
-    for k in range((row.shape[0] - odd) // 2):
-        out[k + odd] |= row[2 * k + odd] | row[2 * k + 1 + odd]
-    if (row.shape[0] - odd) % 2:
-        out[out.shape[0] - 1] |= row[row.shape[0] - 1]
 
 
 @njit(cache=True, nogil=True)
