@@ -22,10 +22,11 @@ from mhvedit.world.surroundings import Frames, PieceGaps, Surroundings
 TRUST: Final = 0.3  # rad or m, largest step of a DOF in one programme
 PROGRAMMES: Final = 20  # of one posture
 REACH: Final = 0.2  # m beyond the margin, how far postures look
-TURNS: Final = 4  # in which corrections are made calm and frames are freed
-SCALE: Final = 2.5  # frames, over which corrections are smooth
-HELD: Final = 3.0  # weight of corrections that something asked for ...
-LOOSE: Final = 0.03  # ... and of those of frames that are free by themselves
+TURNS: Final = 2  # in which corrections are made calm and frames are freed
+TENSION: Final = 4.0  # weight of what corrections change from frame to frame, which keeps them from swinging over ...
+STIFFNESS: Final = 4.0  # ... and of how that changes
+HELD: Final = 300.0  # weight of corrections that something asked for ...
+LOOSE: Final = 0.1  # ... and of those of frames that are free by themselves
 ENDS: Final = 1e6  # weight of the frames around the run, in which nothing changes
 ASKED: Final = 1e-5  # rad or m: a correction this small was not asked for
 
@@ -92,7 +93,7 @@ def freed(moment: Moment, wanted: FloatArray, free: BoolArray, *, start: FloatAr
 
 
 def calm(changes: FloatArray, asked: BoolArray, how: Yielding) -> FloatArray:
-    """Changes through a run, made smooth: least squares of what they were and of their second differences.
+    """Changes through a run, made smooth: least squares of what they were, and of their first and second differences.
 
     Args:
         changes: (T, D) rad or m.
@@ -106,8 +107,9 @@ def calm(changes: FloatArray, asked: BoolArray, how: Yielding) -> FloatArray:
     n = len(padded)
     if n < 3:
         return changes
+    steps = diags_array([-1.0, 1.0], offsets=[0, 1], shape=(n - 1, n))
     bends = diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(n - 2, n))
-    system = diags_array(weights) + SCALE**4 * (bends.T @ bends)
+    system = diags_array(weights) + TENSION * (steps.T @ steps) + STIFFNESS * (bends.T @ bends)
     found = splu(system.tocsc()).solve(weights[:, None] * padded)
     return np.asarray(found[around[0] : n - around[1]])
 
