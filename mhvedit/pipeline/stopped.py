@@ -1,7 +1,7 @@
 """The stopped meshes of one person: skeleton, stretches of frames, and what has to be said where there is no way."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -72,9 +72,9 @@ def _actor(
         fit = kept_fit(subject.sequence, shown, store, axes=(spec.units, spec.up), workers=movers.workers)
         why = why_refused(fit, edited, fps=subject.sequence.fps)
     except (MhveditError, np.linalg.LinAlgError) as fault:
-        return None, _refusal(name, str(fault))
+        return None, _refusal(name, [str(fault)])
     if why:
-        return None, _refusal(name, "; ".join(why))
+        return None, _refusal(name, why)
     things = {part: own.sequence for part, own in subject.parts.items() if isinstance(own, OwnMesh)}
     places = fit.places[np.searchsorted(fit.numbers, edited)]
     hands = {part: holder_of([own.mesh(int(n)) for n in edited], places) for part, own in things.items()}
@@ -97,8 +97,9 @@ def _actor(
     return actor, ""
 
 
-def _refusal(name: str, why: str) -> str:
-    return f"{name} is not stopped at props, as no skeleton fits: {why}"
+def _refusal(name: str, why: Sequence[str]) -> str:
+    more = f" (and {len(why) - 1} more reasons)" if len(why) > 1 else ""
+    return f"{name} is not stopped at props, as no skeleton fits: {why[0]}{more}"
 
 
 def _packed(results: list[Stopped] | tuple[()], notes: list[str], *, fps: float) -> Arrays:

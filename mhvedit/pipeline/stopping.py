@@ -5,7 +5,7 @@ captured vertices follow their bones. Then depth is measured on the meshes; wher
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -98,12 +98,12 @@ class _Outcome:
     looks: Sequence[_Look]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class _Choice:
     """Limbs that give way, and why others do not."""
 
     limbs: tuple[Limb, ...]
-    why: tuple[str, ...] = field(default=())
+    why: tuple[str, ...] = ()
 
 
 def stopped(actor: Actor, name: str, window: range, depths: Mapping[str, FloatArray]) -> Stopped:
