@@ -114,6 +114,6 @@ def _key(movers: Movers, name: str, store: Store) -> Key:
 
 def _build(movers: Movers, name: str, depths: Mapping[str, FloatArray], store: Store) -> Arrays:
     """Somebody's stopped meshes as the arrays of an .npz capture, and what is told about them."""
-    from mhvedit.pipeline.stopped import stopped_meshes  # takes a second to load, and few scenes need it
+    from mhvedit.pipeline.stops_person import stopped_meshes  # takes a second to load, and few scenes need it
 
     return stopped_meshes(movers, name, depths, store)

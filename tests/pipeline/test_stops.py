@@ -158,7 +158,7 @@ def test_the_check_and_the_report_agree(reached: Reached) -> None:
 
 
 def test_a_second_run_redoes_nothing(reached: Reached, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("stopped.stopped_meshes", "fitted.fit_capture", "depths.depths_of"):
+    for name in ("stops_person.stopped_meshes", "fitted.fit_capture", "depths.depths_of"):
         monkeypatch.setattr(f"mhvedit.pipeline.{name}", None)
     before = {file: file.stat().st_mtime_ns for file in reached.out.glob("*/*.npz")}
     again = run_scene(reached.folder / "scene.toml", reached.out, report=False)

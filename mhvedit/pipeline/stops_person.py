@@ -14,11 +14,12 @@ from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.pipeline.assemble import Stop
 from mhvedit.pipeline.depths import Movers, solid_mesh
 from mhvedit.pipeline.fitted import kept_fit, why_refused
-from mhvedit.pipeline.limbs import holder_of
 from mhvedit.pipeline.packing import packed_capture
 from mhvedit.pipeline.props_world import prop_body
-from mhvedit.pipeline.stopping import Actor, Stopped, stopped, windows_of
+from mhvedit.pipeline.stops_actor import Actor
+from mhvedit.pipeline.stops_flesh import holder_of
 from mhvedit.pipeline.stops_pass import TOLD
+from mhvedit.pipeline.stops_stretch import Stopped, stopped, windows_of
 from mhvedit.pipeline.store import Arrays, Store
 from mhvedit.scene.touched import THING
 from mhvedit.sequences.meshes import Mesh

@@ -8,8 +8,8 @@ import trimesh
 
 from mhvedit.fitting.joints import NAMES, PARENTS, joint
 from mhvedit.geometry.arrays import FloatArray
-from mhvedit.pipeline import stopping
-from mhvedit.pipeline.limbs import LIMBS, Flesh, fleshed, holder_of, limbs_at
+from mhvedit.pipeline import stops_actor, stops_stretch
+from mhvedit.pipeline.stops_flesh import LIMBS, Flesh, fleshed, holder_of, limbs_at
 from mhvedit.scene.edit import SubjectEdit
 from mhvedit.sequences.meshes import Mesh, joined
 from mhvedit.skeleton.dofs import body_skeleton
@@ -44,21 +44,21 @@ def person(*, foot: float = 0.05, things: dict[str, Mesh] | None = None) -> Fles
     return Flesh(joined(list(parts.values())), weights, things or {}, dict.fromkeys(things or {}, HAND))
 
 
-def shot(flesh: Flesh) -> stopping._Shot:
-    return stopping._Shot(0, 0, np.zeros(0), flesh, Frames(np.zeros((0, 3, 3)), np.zeros((0, 3))))
+def shot(flesh: Flesh) -> stops_actor.Shot:
+    return stops_actor.Shot(0, 0, np.zeros(0), flesh, Frames(np.zeros((0, 3, 3)), np.zeros((0, 3))))
 
 
-def chosen(flesh: Flesh, *others: Mesh) -> stopping._Choice:
+def chosen(flesh: Flesh, *others: Mesh) -> stops_actor.Choice:
     """The limbs of which something is in a prop: all of them."""
     edit = SubjectEdit(np.zeros(1, np.int64), np.zeros((1, 3)))
-    actor = stopping.Actor(edit, None, {}, {}, None, None, {}, {}, lambda frame: list(others))  # type: ignore[arg-type]
-    look = stopping._Look({"wall": 0.02}, np.ones(len(flesh.body.vertices), np.bool_), {})
-    return stopping._chosen(actor, [shot(flesh)], [(shot(flesh), look)])
+    actor = stops_actor.Actor(edit, None, {}, {}, None, None, {}, {}, lambda frame: list(others))  # type: ignore[arg-type]
+    look = stops_actor.Look({"wall": 0.02}, np.ones(len(flesh.body.vertices), np.bool_), {})
+    return stops_actor.chosen(actor, [shot(flesh)], [(shot(flesh), look)])
 
 
 def test_a_standing_leg_stays_and_a_lifted_one_gives_way() -> None:
-    assert chosen(person(foot=0.03)) == stopping._Choice((ARM,), ("the left leg stands",))
-    assert chosen(person(foot=0.2)) == stopping._Choice((ARM, LEG))
+    assert chosen(person(foot=0.03)) == stops_actor.Choice((ARM,), ("the left leg stands",))
+    assert chosen(person(foot=0.2)) == stops_actor.Choice((ARM, LEG))
 
 
 @pytest.mark.parametrize(("gap", "moves"), [(0.004, False), (-0.01, False), (0.03, True)])
@@ -98,5 +98,5 @@ def test_flesh_is_the_hull_of_what_a_bone_carries_in_slices() -> None:
 def test_windows_join_what_is_near_and_stay_in_the_scene() -> None:
     depth = np.zeros(100)
     depth[[5, 30, 45]] = 0.01
-    assert stopping.windows_of({"wall": depth, "table": np.zeros(100)}, 100) == [range(16), range(20, 56)]
-    assert stopping.windows_of({"wall": np.full(3, 0.002)}, 3) == []
+    assert stops_stretch.windows_of({"wall": depth, "table": np.zeros(100)}, 100) == [range(16), range(20, 56)]
+    assert stops_stretch.windows_of({"wall": np.full(3, 0.002)}, 3) == []
