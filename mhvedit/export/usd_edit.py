@@ -142,7 +142,7 @@ def _root_name(piece: Piece) -> str:
 
 def _signature(piece: Piece) -> str:
     """Changes when the capture does: its files, pictures among them, by name, size and time; frames, rate and axes."""
-    made = {file for file in piece.sequence.files if piece.sequence.made_of}
+    made = set(piece.sequence.files if piece.sequence.made_of else ())  # stopped meshes are in another folder
     found = sorted({*piece.path.iterdir(), *made}) if piece.path.is_dir() else piece.sequence.files
     files = [(file.name, (stat := file.stat()).st_size, stat.st_mtime_ns) for file in found if file.is_file()]
     what = (VERSION, files, piece.sequence.numbers, piece.sequence.fps, piece.units, piece.up)

@@ -151,7 +151,7 @@ def _replace(staged: Path, folder: Path, standing: set[Path]) -> None:
     for stale in old:
         if stale.relative_to(folder) not in new | standing:
             stale.unlink(missing_ok=True)
-    for name in sorted(new):
+    for name in sorted(new, key=lambda name: (name == Path(EDIT), name)):  # what it names is there before it
         (folder / name).parent.mkdir(exist_ok=True)
         os.replace(staged / name, folder / name)
 

@@ -44,6 +44,7 @@ MOST: Final = 0.03  # m, of all that is asked for
 ROUNDS: Final = 5
 FADE: Final = 10  # frames before and after, in which limbs may make way
 STILL: Final = 1e-5  # rad, that a joint may turn without its mesh being made anew
+WORTHWHILE: Final = 0.5  # share of the depth, of which no more may be left: else limbs stay as captured
 INTO: Final = 0.005  # m deeper in somebody else: then the limb had better stay where it was
 
 
@@ -81,11 +82,12 @@ def stopped(actor: Actor, name: str, window: range, depths: Mapping[str, FloatAr
     surfaces = {prop: open_surface(_placed_prop(own)) for prop, own in actor.props.items()}
     deep = np.max([own[window.start : window.stop] for own in depths.values()], axis=0) > DEEP
     touching = [shots[t] for t in np.flatnonzero(deep).tolist()]
-    choice = chosen(actor, shots, [(shot, look_at(actor, shot, shot.flesh, surfaces)) for shot in touching])
+    seen = [(shot, look_at(actor, shot, shot.flesh, surfaces)) for shot in touching]
+    choice = chosen(actor, shots, seen)
     found = _given_way(actor, shots, surfaces, choice.limbs) if choice.limbs else None
-    if found is not None and _runs_into_others(actor, shots, found, choice.limbs):
-        said = f"{_all(choice.limbs)} would run into somebody else"
-        choice, found = Choice((), (*choice.why, said)), None
+    fault = None if found is None else _fault(actor, shots, seen, found, limbs=choice.limbs)
+    if fault is not None:
+        choice, found = Choice((), (*choice.why, fault)), None
     stops = [
         _stop(name, prop, run, (shots, choice, found), own)
         for prop, own in depths.items()
@@ -128,6 +130,19 @@ def runs_of(which: BoolArray) -> list[range]:
 
 def _placed_prop(prop: Prop) -> Mesh:
     return Mesh(apply_pose(prop.place, prop.mesh.vertices), prop.mesh.faces)
+
+
+def _fault(
+    actor: Actor, shots: Sequence[Shot], seen: Sequence[tuple[Shot, Look]], found: _Outcome, *, limbs: Sequence[Limb]
+) -> str | None:
+    """Why limbs had better stay as captured; None where they had not."""
+    before = max(left_of(look, shot.flesh, limbs) for shot, look in seen)
+    after = max(left_of(look, flesh, limbs) for look, flesh in zip(found.looks, found.flesh, strict=True))
+    if after > WORTHWHILE * before:
+        return f"no posture was found in which {_all(limbs)} would be clear of it"
+    if _runs_into_others(actor, shots, found, limbs):
+        return f"{_all(limbs)} would run into somebody else"
+    return None
 
 
 def _runs_into_others(actor: Actor, shots: Sequence[Shot], found: _Outcome, limbs: Sequence[Limb]) -> bool:

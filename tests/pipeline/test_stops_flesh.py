@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
+from mhvedit.fitting.deform import BoneFrames
 from mhvedit.fitting.joints import NAMES, PARENTS, joint
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.pipeline import stops_actor, stops_stretch
+from mhvedit.pipeline.assemble import Stop
 from mhvedit.pipeline.stops_flesh import LIMBS, Flesh, fleshed, holder_of, limbs_at
+from mhvedit.pipeline.stops_pass import stop_in_words
 from mhvedit.scene.edit import SubjectEdit
+from mhvedit.scene.shown import moved
 from mhvedit.sequences.meshes import Mesh, joined
 from mhvedit.skeleton.dofs import body_skeleton
 from mhvedit.world.surroundings import Frames
@@ -48,10 +52,14 @@ def shot(flesh: Flesh) -> stops_actor.Shot:
     return stops_actor.Shot(0, 0, np.zeros(0), flesh, Frames(np.zeros((0, 3, 3)), np.zeros((0, 3))))
 
 
+def actor_among(*others: Mesh) -> stops_actor.Actor:
+    edit = SubjectEdit(np.zeros(1, np.int64), np.zeros((1, 3)))
+    return stops_actor.Actor(edit, None, {}, {}, None, None, {}, {}, lambda frame: list(others))  # type: ignore[arg-type]
+
+
 def chosen(flesh: Flesh, *others: Mesh) -> stops_actor.Choice:
     """The limbs of which something is in a prop: all of them."""
-    edit = SubjectEdit(np.zeros(1, np.int64), np.zeros((1, 3)))
-    actor = stops_actor.Actor(edit, None, {}, {}, None, None, {}, {}, lambda frame: list(others))  # type: ignore[arg-type]
+    actor = actor_among(*others)
     look = stops_actor.Look({"wall": 0.02}, np.ones(len(flesh.body.vertices), np.bool_), {})
     return stops_actor.chosen(actor, [shot(flesh)], [(shot(flesh), look)])
 
@@ -100,3 +108,46 @@ def test_windows_join_what_is_near_and_stay_in_the_scene() -> None:
     depth[[5, 30, 45]] = 0.01
     assert stops_stretch.windows_of({"wall": depth, "table": np.zeros(100)}, 100) == [range(16), range(20, 56)]
     assert stops_stretch.windows_of({"wall": np.full(3, 0.002)}, 3) == []
+
+
+def test_what_is_left_is_what_is_left_of_the_limbs() -> None:
+    flesh = person()
+    hand = flesh.of_limb(ARM)
+    assert stops_actor.left_of(stops_actor.Look({"wall": 0.02, "table": 0.0}, hand, {}), flesh, (ARM,)) == 0.02
+    assert stops_actor.left_of(stops_actor.Look({"wall": 0.02, "table": 0.0}, ~hand, {}), flesh, (ARM,)) == 0.0
+
+
+def test_what_is_held_moves_rigidly_with_its_hand() -> None:
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    turns = np.tile(np.eye(3), (len(NAMES), 1, 1))
+    before = BoneFrames(turns, places())
+    after = BoneFrames(np.tile(quarter, (len(NAMES), 1, 1)), places() + np.array([0.0, 0.0, 0.1]))
+    tip = np.array([[0.95, 0.0, 1.2]])  # 0.4 m from the wrist
+    np.testing.assert_allclose(moved(stops_stretch._move(before, after, HAND), tip), [[0.55, 0.4, 1.3]], atol=1e-12)
+    np.testing.assert_allclose(moved(stops_stretch._move(before, before, HAND), tip), tip, atol=1e-12)
+
+
+def test_limbs_that_would_run_into_somebody_else_stay() -> None:
+    beside, inside = person(), person()
+    moved_body = replace(inside.body, vertices=inside.body.vertices + np.array([0.1, 0.0, 0.0]))
+    actor = actor_among(ball((0.78, 0.0, 1.2)))
+    clear = stops_actor.Look({"wall": 0.0}, np.zeros(len(beside.body.vertices), np.bool_), {})
+    for flesh, said in (
+        (replace(inside, body=moved_body), "the left arm would run into somebody else"),
+        (beside, None),
+    ):
+        found = stops_stretch._Outcome(np.ones((1, 1)), np.zeros(1, np.int64), [flesh], [{}], [clear])
+        seen = [(shot(beside), stops_actor.Look({"wall": 0.02}, beside.of_limb(ARM), {}))]
+        assert stops_stretch._fault(actor, [replace(shot(beside), q=np.zeros(1))], seen, found, limbs=(ARM,)) == said
+
+
+def test_a_run_is_told_in_a_sentence() -> None:
+    stop = Stop("anna", "wall", 5, 23, 75.0, 0.2, ("left arm",), 14.2, "left_forearm", "")
+    told = (
+        "anna: left arm stopped at wall in frames 5-23, 75 mm deep as captured, 0 mm now; "
+        "left_forearm turns by 14 degrees"
+    )
+    assert stop_in_words(stop) == told
+    assert stop_in_words(replace(stop, why="the left leg stands")) == f"{told}. What is left: the left leg stands"
+    stays = replace(stop, last=5, limbs=(), why="the left leg stands")
+    assert stop_in_words(stays) == "anna stays 75 mm inside wall in frame 5: the left leg stands"
