@@ -13,6 +13,7 @@ import numpy as np
 
 from mhvedit.fitting.deform import BoneFrames, carried
 from mhvedit.fitting.joints import NAMES
+from mhvedit.fitting.quality import runs
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.pipeline.assemble import Stop
@@ -45,6 +46,7 @@ ROUNDS: Final = 5
 FADE: Final = 10  # frames before and after, in which limbs may make way
 STILL: Final = 1e-5  # rad, that a joint may turn without its mesh being made anew
 WORTHWHILE: Final = 0.5  # share of the depth, of which no more may be left: else limbs stay as captured
+NO_LIMB: Final = "trunk, head and what nobody holds do not give way"
 INTO: Final = 0.005  # m deeper in somebody else: then the limb had better stay where it was
 
 
@@ -63,7 +65,7 @@ class _Outcome:
     """Flesh and depths after limbs gave way."""
 
     q: FloatArray  # (T, D)
-    joints: IntArray  # (D,) that each DOF turns
+    turned: FloatArray  # (T, J) rad, by how much each joint turns, against the one above it
     flesh: Sequence[Flesh]
     moves: Sequence[Mapping[str, FloatArray]]  # T, (3, 4) by part
     looks: Sequence[Look]
@@ -124,8 +126,7 @@ def runs_of(which: BoolArray) -> list[range]:
     >>> runs_of(np.array([False, True, True, False, True]))
     [range(1, 3), range(4, 5)]
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]]).astype(np.int8)))
-    return [range(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+    return [range(first, last + 1) for first, last in runs((~which).tolist())]
 
 
 def _placed_prop(prop: Prop) -> Mesh:
@@ -201,7 +202,14 @@ def _followed(
         flesh.append(replace(shot.flesh, body=body, things=things))
         moves.append(own)
     looks = [look_at(actor, shot, own, surfaces) for shot, own in zip(shots, flesh, strict=True)]
-    return _Outcome(q, actor.moving.body.skeleton.dof_joint, flesh, moves, looks)
+    return _Outcome(q, _turned(actor.moving.body.skeleton.parents, captured[0], turns), flesh, moves, looks)
+
+
+def _turned(parents: IntArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """(T, J) rad, the angle between two turns (T, J, 3, 3) of each joint, told against the joint above it."""
+    above = np.maximum(parents, 0)  # the root is told against itself
+    own = [np.einsum("tjba,tjbc->tjac", turns[:, above], turns) for turns in (before, after)]
+    return np.asarray(np.arccos(np.clip((np.einsum("tjab,tjab->tj", *own) - 1) / 2, -1.0, 1.0)))
 
 
 def _move(before: BoneFrames, after: BoneFrames, bone: int) -> FloatArray:
@@ -217,19 +225,18 @@ def _stop(
     shots, choice, found = result
     before, last = float(depth[run.start : run.stop].max()), run.stop - 1
     if found is None:
-        why = "; ".join(choice.why) or "trunk and head do not give way"
+        why = "; ".join(choice.why) or NO_LIMB
         return Stop(name, prop, run.start, last, _mm(before), _mm(before), (), 0.0, "", why)
     rows = [t for t, shot in enumerate(shots) if shot.frame in run]
     after = max(found.looks[t].depth[prop] for t in rows)
-    change = np.abs(np.array([found.q[t] - shots[t].q for t in rows])).max(0)
-    turned = int(change.argmax())
+    change = found.turned[rows].max(0)
     why = ""
     if after > DEEP:
         worst = max(rows, key=lambda t: found.looks[t].depth[prop])
         stuck = left_of(found.looks[worst], found.flesh[worst], choice.limbs) > 0
-        no_way = "no posture was found that is clear of it" if stuck else "trunk and head do not give way"
+        no_way = "no posture was found that is clear of it" if stuck else NO_LIMB
         why = "; ".join((*choice.why, no_way) if stuck or not choice.why else choice.why)
-    joint = NAMES[int(found.joints[turned])]
+    joint = NAMES[int(change.argmax())]
     names = tuple(limb.name for limb in choice.limbs)
     return Stop(name, prop, run.start, last, _mm(before), _mm(after), names, _degrees(change.max()), joint, why)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from mhvedit.fitting.deform import BoneFrames
 from mhvedit.fitting.joints import NAMES, PARENTS, joint
@@ -127,6 +128,14 @@ def test_what_is_held_moves_rigidly_with_its_hand() -> None:
     np.testing.assert_allclose(moved(stops_stretch._move(before, before, HAND), tip), tip, atol=1e-12)
 
 
+def test_joints_are_told_against_those_above_them() -> None:
+    turns = Rotation.from_rotvec([[0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]]).as_matrix()[None]
+    bend = Rotation.from_rotvec([0.0, 0.4, 0.0]).as_matrix()
+    after = turns.copy()
+    after[0, 1:] = bend @ turns[0, 1:]  # the second turns, and takes the third along
+    np.testing.assert_allclose(stops_stretch._turned(np.array([-1, 0, 1]), turns, after), [[0, 0.4, 0]], atol=1e-7)
+
+
 def test_limbs_that_would_run_into_somebody_else_stay() -> None:
     beside, inside = person(), person()
     moved_body = replace(inside.body, vertices=inside.body.vertices + np.array([0.1, 0.0, 0.0]))
@@ -136,7 +145,7 @@ def test_limbs_that_would_run_into_somebody_else_stay() -> None:
         (replace(inside, body=moved_body), "the left arm would run into somebody else"),
         (beside, None),
     ):
-        found = stops_stretch._Outcome(np.ones((1, 1)), np.zeros(1, np.int64), [flesh], [{}], [clear])
+        found = stops_stretch._Outcome(np.ones((1, 1)), np.zeros((1, 1)), [flesh], [{}], [clear])
         seen = [(shot(beside), stops_actor.Look({"wall": 0.02}, beside.of_limb(ARM), {}))]
         assert stops_stretch._fault(actor, [replace(shot(beside), q=np.zeros(1))], seen, found, limbs=(ARM,)) == said
 
