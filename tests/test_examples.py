@@ -51,3 +51,13 @@ def test_a_ball_is_swept_off_a_table(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (tmp_path / "sweep.glb").exists()
     assert '"ball"' in (tmp_path / "edited" / "edit.json").read_text()
     assert "at the end" in capsys.readouterr().out
+
+
+def test_a_hand_stops_at_a_wall(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = example("world_touch")
+    monkeypatch.setattr(module, "SHOWN", (7,))
+    module.main(tmp_path, last=44)
+    assert "anna: left arm stopped at wall in frames 5-8, " in capsys.readouterr().out
+    assert (tmp_path / "touch.webp").exists() and (tmp_path / "edited" / "touched" / "anna.npz").exists()

@@ -83,6 +83,8 @@ def _print_answer(outcome: "Outcome") -> None:
     else:
         cost = f"cost {assembly.scene.cost:.3g} m² (gap {assembly.scene.gap:.2g} %)"
         print(f"{assembly.scene.n_frames} frames, {cost}", flush=True)
+        for stop in outcome.report.get("stops", ()):
+            print(stop["sentence"], flush=True)
 
 
 def _count(solutions: int, regions: int) -> str:

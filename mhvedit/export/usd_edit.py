@@ -53,7 +53,8 @@ def write_usd_edit(scene: ExportScene, path: Path, *, assets: Path, up: str, tel
             parent, parts = put_subject(layer, scene, name, identifier(name, subjects)), set[str]()
             for piece in scene.pieces_of(name):
                 inside = f"{parent}/{identifier(piece.part, parts)}"
-                root = captured_root(piece.path) if piece.path.suffix.lower() in USD_SUFFIXES else None
+                as_it_is = piece.path.suffix.lower() in USD_SUFFIXES and not piece.sequence.made_of
+                root = captured_root(piece.path) if as_it_is else None
                 if root is not None:
                     _put_capture(layer, inside, piece, _relative(piece.path, path), root, scene.source(piece))
                     continue
@@ -141,7 +142,8 @@ def _root_name(piece: Piece) -> str:
 
 def _signature(piece: Piece) -> str:
     """Changes when the capture does: its files, pictures among them, by name, size and time; frames, rate and axes."""
-    found = sorted(piece.path.iterdir()) if piece.path.is_dir() else piece.sequence.files
+    made = set(piece.sequence.files if piece.sequence.made_of else ())  # stopped meshes are in another folder
+    found = sorted({*piece.path.iterdir(), *made}) if piece.path.is_dir() else piece.sequence.files
     files = [(file.name, (stat := file.stat()).st_size, stat.st_mtime_ns) for file in found if file.is_file()]
     what = (VERSION, files, piece.sequence.numbers, piece.sequence.fps, piece.units, piece.up)
     return hashlib.blake2b(repr(what).encode(), digest_size=16).hexdigest()

@@ -39,7 +39,23 @@ def deformed(mesh: Mesh, template: Template, before: BoneFrames, after: BoneFram
     if still and (girth == 1.0).all():
         return mesh
     weights = transferred_weights(mesh, template, before)
-    moves = np.einsum("jab,jbc,jdc->jad", after.turns, growth(template, girth), before.turns)
+    return carried(mesh, weights, before, after, growth=growth(template, girth))
+
+
+def carried(
+    mesh: Mesh, weights: FloatArray, before: BoneFrames, after: BoneFrames, *, growth: FloatArray | None = None
+) -> Mesh:
+    """A captured frame whose points go with their bones.
+
+    Args:
+        mesh: the frame.
+        weights: (V, J) of its points, as of `transferred_weights`.
+        before: where its bones are in the capture.
+        after: where they are to be.
+        growth: (J, 3, 3) of the flesh in the bind frame; none by default.
+    """
+    grown = np.tile(np.eye(3), (len(NAMES), 1, 1)) if growth is None else growth
+    moves = np.einsum("jab,jbc,jdc->jad", after.turns, grown, before.turns)
     shifts = after.places - np.einsum("jab,jb->ja", moves, before.places)
     blend = np.einsum("vj,jab->vab", weights, moves)
     return replace(mesh, vertices=np.einsum("vab,vb->va", blend, mesh.vertices) + weights @ shifts)

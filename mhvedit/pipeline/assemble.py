@@ -33,6 +33,22 @@ class Bend:
     cost: float  # m^2, that the shifts of both add to the energy of their paths (see `optimise.bending`)
 
 
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A run of frames in which somebody would be inside a prop."""
+
+    subject: str
+    prop: str
+    first: int  # frame of the scene
+    last: int
+    before_mm: float  # how deep, as captured
+    after_mm: float
+    limbs: tuple[str, ...]  # that give way
+    turned_deg: float  # the largest change of a joint
+    joint: str  # and which; empty where nothing is changed
+    why: str  # what is left and why; empty where nothing is
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Assembly:
     """The edited scene, and how it came about."""
@@ -42,6 +58,7 @@ class Assembly:
     placements: CompanyPlacements
     chosen: tuple[int, ...]  # row of each segment's solution group
     bends: tuple[Bend, ...] = ()  # where paths give way
+    stops: tuple[Stop, ...] = ()  # where limbs stop at fixed props
     notes: tuple[str, ...] = ()  # what could not be had, in sentences
 
 

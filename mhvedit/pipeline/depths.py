@@ -14,7 +14,7 @@ from mhvedit.geometry.planar import apply_pose, compose, invert, rotation, wrap_
 from mhvedit.pipeline.bodies import Body, met, solids_of
 from mhvedit.pipeline.keys import frames_key
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.store import Store
+from mhvedit.pipeline.store import Arrays, Store
 from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.scene.edit import EditedScene, SubjectEdit
@@ -133,22 +133,42 @@ def _sinks(spec: SegmentSpec) -> float:
     return max(spec.tolerance.apart, spec.tolerance.depth if spec.interaction.touches else 0.0)
 
 
-def depths_at_first(movers: Movers, store: Store) -> dict[Pair, FloatArray]:
-    """The depths before anybody gives way, which are kept until frames or relative placements change."""
-    paths, pairs = movers.paths({}), list(movers.allowed)
-    key: list[object] = []
-    for pair in pairs:
-        beside = compose(invert(paths[pair[0]]), paths[pair[1]])
-        beside[:, 2] = wrap_angle(beside[:, 2])
-        frames = [_frames_of(movers, name, store) for name in pair]
-        key.append((frames, np.round(beside, DIGITS).tolist(), is_movable(movers, pair).tolist()))
-    kept = store.arrays(
-        ("depths", VERSION, key), lambda: {str(n): own for n, own in enumerate(depths_of(movers, {}).values())}
-    )
+def depths_at_first(
+    movers: Movers, store: Store, *, asked: Mapping[Pair, BoolArray] | None = None
+) -> dict[Pair, FloatArray]:
+    """The depths before anybody gives way, which are kept until frames or relative placements change.
+
+    Args:
+        movers: everybody.
+        store: where depths are kept between runs.
+        asked: see `depths_of`.
+    """
+    wanted = _movable_frames(movers) if asked is None else asked
+    paths, pairs = movers.paths({}), list(wanted)
+    key = [
+        (
+            [frames_of(movers, name, store) for name in pair],
+            relative_placements(paths[pair[0]], paths[pair[1]]).tolist(),
+            wanted[pair].tolist(),
+        )
+        for pair in pairs
+    ]
+
+    def build() -> Arrays:
+        return {str(n): own for n, own in enumerate(depths_of(movers, {}, asked=wanted).values())}
+
+    kept = store.arrays(("depths", VERSION, key), build)
     return {pair: np.asarray(kept[str(n)]) for n, pair in enumerate(pairs)}
 
 
-def _frames_of(movers: Movers, name: str, store: Store) -> object:
+def relative_placements(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(N, 3) where the other stands beside the one, rounded so that it is the same wherever the two are."""
+    beside = compose(invert(one), other)
+    beside[:, 2] = wrap_angle(beside[:, 2])
+    return np.round(beside, DIGITS)
+
+
+def frames_of(movers: Movers, name: str, store: Store) -> object:
     """What the meshes of somebody or of a prop depend on."""
     if name in movers.props:
         prop = movers.props[name]
@@ -158,18 +178,31 @@ def _frames_of(movers: Movers, name: str, store: Store) -> object:
     return frames, spec.units, spec.up
 
 
-def depths_of(movers: Movers, shifts: Mapping[str, FloatArray]) -> dict[Pair, FloatArray]:
-    """(N,) m by pair: how deep the two are in each other where one of them may be shifted, 0 elsewhere."""
+def depths_of(
+    movers: Movers, shifts: Mapping[str, FloatArray], *, asked: Mapping[Pair, BoolArray] | None = None
+) -> dict[Pair, FloatArray]:
+    """(N,) m by pair: how deep the two are in each other, 0 where that is not asked.
+
+    Args:
+        movers: everybody.
+        shifts: (N, 2) m, of whoever is shifted.
+        asked: (N,) by pair, the frames; None for those in which one of the two may be shifted.
+    """
     paths = movers.paths(shifts)
     found = {}
     with ThreadPoolExecutor(movers.workers) as pool:
-        for pair in movers.allowed:
+        for pair, wanted in (_movable_frames(movers) if asked is None else asked).items():
             near = met(movers.bodies[pair[0]], movers.bodies[pair[1]], paths[pair[0]], paths[pair[1]])
-            frames = np.flatnonzero((near > 0) & is_movable(movers, pair))
+            frames = np.flatnonzero((near > 0) & wanted)
             depth = np.zeros(movers.edit.n_frames)
             depth[frames] = list(pool.map(partial(_depth, movers, paths, pair), frames.tolist()))
             found[pair] = depth
     return found
+
+
+def _movable_frames(movers: Movers) -> dict[Pair, BoolArray]:
+    """(N,) frames of each pair in which one of the two may be shifted."""
+    return {pair: is_movable(movers, pair) for pair in movers.allowed}
 
 
 def is_movable(movers: Movers, pair: Pair) -> BoolArray:

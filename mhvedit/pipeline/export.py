@@ -21,9 +21,11 @@ from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.output import EDIT
 from mhvedit.pipeline.people import meet_people
 from mhvedit.pipeline.run import job_of
+from mhvedit.pipeline.shown import shown_subjects
 from mhvedit.project.schema import OwnMeshSpec, SubjectSpec
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, read_edit
+from mhvedit.scene.shown import shown_scene
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.view.film import Cameras, Eyes, film, fixed_cameras, orbit_cameras, scene_boxes
 from mhvedit.view.studio import check_can_draw
@@ -86,7 +88,7 @@ def export_output(
             files = settings.files or MeshFormat.OBJ
             return write_folder(scene, to, files=files, up=settings.up or "z", tell=tell)
         case Format.MOVIE:
-            return _write_film(scene, job, to, settings, tell)
+            return _write_film((scene, edit), job, to, settings, tell)
         case Format.USD:
             up = settings.up or "z"
             if settings.flatten or to.suffix.lower() == ".usdz":
@@ -143,11 +145,11 @@ def export_scene(edit: EditedScene, job: Job, out: Path) -> ExportScene:
         expected = f"the props of {job.scene.file} ({', '.join(sorted(job.props)) or 'none'})"
         found = f"{', '.join(sorted(edit.props)) or 'none'}: run `mhvedit solve` again"
         raise CaptureError(out / EDIT, expected, found)
-    taken = {*edit.subjects, *edit.props}
-    pieces = [piece for name in edit.subjects for piece in _pieces(job.subjects[name], job.scene.subjects[name], taken)]
+    taken, subjects = {*edit.subjects, *edit.props}, shown_subjects(job.subjects, edit)
+    pieces = [piece for name in edit.subjects for piece in _pieces(subjects[name], job.scene.subjects[name], taken)]
     for name, prop in job.props.items():
         pieces.append(Piece(name, BODY, name, prop.sequence, prop.spec.path.path, prop.spec.units, prop.spec.up))
-    scene = ExportScene(edit, tuple(pieces))
+    scene = ExportScene(shown_scene(edit), tuple(pieces))
     check_frames(scene)
     return scene
 
@@ -169,8 +171,11 @@ def _pieces(subject: Subject, spec: SubjectSpec, taken: set[str]) -> list[Piece]
     return found
 
 
-def _write_film(scene: ExportScene, job: Job, to: Path, settings: ExportSettings, tell: Tell) -> Exported:
-    """Draw and encode."""
+def _write_film(
+    scenes: tuple[ExportScene, EditedScene], job: Job, to: Path, settings: ExportSettings, tell: Tell
+) -> Exported:
+    """Draw and encode; the second scene has the numbers of captured frames, for which gaze is known."""
+    scene, captured = scenes
     encoder()
     check_can_draw()
     edit = scene.edit
@@ -179,7 +184,7 @@ def _write_film(scene: ExportScene, job: Job, to: Path, settings: ExportSettings
     captures = {piece.subject: piece.sequence for piece in scene.pieces if piece.part == BODY}
     things = {name: [piece.sequence for piece in scene.pieces_of(name) if piece.part != BODY] for name in edit.subjects}
     tell("movie: cameras", 0.0)
-    cameras = _cameras(edit, job, to, settings.camera or FIXED, captures, things, aspect=size[0] / size[1])
+    cameras = _cameras((edit, captured), job, to, settings.camera or FIXED, captures, things, aspect=size[0] / size[1])
     shown = frames_shown(edit.n_frames, edit.fps, fps)
     drawn = film(edit, captures, frames=shown, cameras=cameras, size=size, things=things)
 
@@ -197,7 +202,7 @@ def _write_film(scene: ExportScene, job: Job, to: Path, settings: ExportSettings
 
 
 def _cameras(
-    edit: EditedScene,
+    edits: tuple[EditedScene, EditedScene],
     job: Job,
     to: Path,
     camera: str,
@@ -206,9 +211,10 @@ def _cameras(
     *,
     aspect: float,
 ) -> Cameras:
-    """A camera for each frame of the scene, or somebody's eyes."""
+    """A camera for each frame of the scene, or somebody's eyes; edits as in `_write_film`."""
+    edit, captured = edits
     if camera in edit.subjects:
-        return eyes_of(edit, job, camera)
+        return eyes_of(captured, job, camera)
     if camera not in (FIXED, ORBIT):
         raise ExportError(to, f"--camera {FIXED}, {ORBIT}, {' or '.join(edit.subjects)}", repr(camera))
     boxes = scene_boxes(edit, captures, things=things)

@@ -21,6 +21,7 @@ from mhvedit.pipeline.picks import rows_left
 from mhvedit.pipeline.progress import Progress
 from mhvedit.pipeline.props_pass import with_props
 from mhvedit.pipeline.segments import SolvedSegment, solve_segment
+from mhvedit.pipeline.stops_pass import with_stops
 from mhvedit.pipeline.store import Store, open_store
 from mhvedit.project.captures import open_subjects, scene_fps
 from mhvedit.project.props import Prop, open_props
@@ -197,6 +198,7 @@ def choose(result: Result, picked: Mapping[str, int]) -> Result:
         assembly = arranged(scene, people, result.segments, rows, fps=job.fps, props=job.props, store=job.store)
     except NoSolution as failure:
         return replace(result, assembly=None, failure=failure)
+    assembly = with_stops(scene, assembly, people, job.props, job.store)
     assembly = with_props(scene, assembly, job.subjects, job.props, job.store)
     return replace(result, assembly=assembly, failure=None)
 

@@ -20,6 +20,7 @@ from mhvedit.pipeline.bodies import bodies_of, frames_off_floor
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.keys import frames_key, part_key, segment_parts
 from mhvedit.pipeline.people import Person
+from mhvedit.pipeline.shown import shown_people, shown_subjects
 from mhvedit.pipeline.store import Arrays, Key
 from mhvedit.pipeline.terms import segment_pair
 from mhvedit.project.schema import SegmentSpec
@@ -29,6 +30,7 @@ from mhvedit.scene.contact import TOUCH, ContactSlack, Verdict
 from mhvedit.scene.edit import EditedScene, SubjectEdit
 from mhvedit.scene.motion import AddedMotion, added_motion, sole_points
 from mhvedit.scene.report import PairReport, SceneReport, SegmentReport, SightReport
+from mhvedit.scene.shown import shown_scene
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.volumes.parts import OwnMesh, select_points
 
@@ -56,6 +58,8 @@ def measure_scene(
         workers: threads.
         progress: told after every frame.
     """
+    people, job = shown_people(people, scene), replace(job, subjects=shown_subjects(job.subjects, scene))
+    scene = shown_scene(scene)
     pairs = [*combinations(scene.subjects, 2), *product(scene.subjects, _obstacles(job))]
     reports: list[SceneReport] = []
     for done, pair in enumerate(pairs):
@@ -173,7 +177,12 @@ def _key(job: Job, people: Mapping[str, Person], part: EditedScene, start: int) 
     asked = []
     for segment in part.segments:
         spec, subjects = specs[segment.name], [job.subjects[name] for name in segment.between]
-        numbers = [part.subjects[name].source[segment.start : segment.stop] for name in segment.between]
+        numbers = [
+            np.array(
+                [subject.sequence.origin(n) for n in part.subjects[name].source[segment.start : segment.stop].tolist()]
+            )
+            for name, subject in zip(segment.between, subjects, strict=True)
+        ]
         parts = [
             (name, part_key(subject.parts[name], own, known))
             for name, subject, own in zip(segment_parts(spec), subjects, numbers, strict=True)
@@ -299,10 +308,12 @@ def _measured(
     specs = {spec.name: spec for spec in job.scene.segments}
 
     def part_vertices(subject: str, part: str, number: int, mesh: Mesh) -> BoolArray:
-        chosen = job.subjects[subject].parts[part]
+        chosen, sequence = job.subjects[subject].parts[part], job.subjects[subject].sequence
         if isinstance(chosen, OwnMesh):
             return np.ones(len(mesh.vertices), np.bool_)
-        return select_points(chosen, mesh.vertices, mesh=mesh, number=number)
+        captured = sequence.origin(number)  # where tracks and boxes are right; vertices keep their order
+        mesh = mesh if captured == number else sequence.mesh(captured)
+        return select_points(chosen, mesh.vertices, mesh=mesh, number=captured)
 
     return check_scene(
         scene,

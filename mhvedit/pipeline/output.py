@@ -20,7 +20,8 @@ from mhvedit.geometry.planar import invert
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.props_pass import entered
 from mhvedit.pipeline.segments import SolvedSegment
-from mhvedit.scene.edit import edit_as_dict
+from mhvedit.pipeline.stops_pass import stop_in_words
+from mhvedit.scene.edit import TOUCHED, EditedScene, edit_as_dict, touched_path
 from mhvedit.scene.report import SceneReport, report_as_dict
 
 EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
@@ -112,11 +113,28 @@ def write_result(
         write_json(staged / SOURCE, {"scene": os.path.relpath(result.job.scene.file.resolve(), folder.resolve())})
         if result.assembly is not None:
             write_json(staged / EDIT, edit_as_dict(result.assembly.scene))
+            _copy_touched(staged, result.assembly.scene)
         if report is not None:
             write_json(staged / REPORT, report)
         _replace(staged, folder, {Path(solutions_path(name)) for name in standing})
     finally:
         shutil.rmtree(staged, ignore_errors=True)
+
+
+def _copy_touched(staged: Path, scene: EditedScene) -> None:
+    """The stopped meshes of everybody who has some."""
+    for name, own in touched_files(scene).items():
+        (staged / name).parent.mkdir(exist_ok=True)
+        shutil.copyfile(own, staged / name)
+
+
+def touched_files(scene: EditedScene) -> dict[str, Path]:
+    """Where stopped meshes are in the output folder, and where they are kept.
+
+    Args:
+        scene: the edit.
+    """
+    return {touched_path(name): own.touched.file for name, own in scene.subjects.items() if own.touched is not None}
 
 
 def solutions_path(segment: str) -> str:
@@ -129,10 +147,12 @@ def _replace(staged: Path, folder: Path, standing: set[Path]) -> None:
     (folder / SOLUTIONS).mkdir(exist_ok=True)
     new = {file.relative_to(staged) for file in staged.rglob("*") if file.is_file()}
     old = [folder / name for name in (EDIT, REPORT, PAGE)] + list((folder / SOLUTIONS).glob("*.npz"))
+    old += list((folder / TOUCHED).glob("*.npz"))
     for stale in old:
         if stale.relative_to(folder) not in new | standing:
             stale.unlink(missing_ok=True)
-    for name in new:
+    for name in sorted(new, key=lambda name: (name == Path(EDIT), name)):  # what it names is there before it
+        (folder / name).parent.mkdir(exist_ok=True)
         os.replace(staged / name, folder / name)
 
 
@@ -188,7 +208,16 @@ def result_as_dict(result: Result, check: SceneReport | None, problems: tuple[st
         "check": None if check is None else report_as_dict(check),
         "unchecked": UNCHECKED if assembly and check is None else None,
         "problems": list(problems),
-    } | ({"entered": entered(check, result.job.props)} if check is not None and result.job.props else {})
+    } | _props_as_dict(result, check)
+
+
+def _props_as_dict(result: Result, check: SceneReport | None) -> dict[str, Any]:
+    """What there is to say about people in fixed props, where there are props."""
+    stops = result.assembly.stops if result.assembly else ()
+    found: dict[str, Any] = (
+        {"stops": [asdict(stop) | {"sentence": stop_in_words(stop)} for stop in stops]} if stops else {}
+    )
+    return found | ({"entered": entered(check, result.job.props)} if check is not None and result.job.props else {})
 
 
 def _segment_as_dict(segment: SolvedSegment, row: int | None, result: Result) -> dict[str, Any]:

@@ -1,12 +1,13 @@
-"""A subject's volumes as plain arrays, so that they can be kept: of each volume the voxels that are ever filled."""
+"""Volumes and meshes as plain arrays, so that they can be kept: of each volume the voxels that are ever filled."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.geometry.grid import VoxelGrid
+from mhvedit.sequences.meshes import Mesh
 from mhvedit.volumes.history import MotionHistoryVolume
 from mhvedit.volumes.subject import PartVolume, SubjectVolumes
 
@@ -56,3 +57,22 @@ def _volume(arrays: Arrays, i: int) -> MotionHistoryVolume:
     frames[arrays[f"where_{i}"]] = words
     grid = VoxelGrid((start[0], start[1], start[2]), (shape[0], shape[1], shape[2]), float(arrays["pitch"]))
     return MotionHistoryVolume(grid, frames.reshape(*shape, -1), int(arrays["n_frames"]))
+
+
+def packed_capture(meshes: Sequence[Mesh], numbers: Sequence[int], *, fps: float) -> dict[str, NDArray[Any]]:
+    """Meshes as the arrays of an .npz capture.
+
+    Args:
+        meshes: T frames, at least one.
+        numbers: of these frames.
+        fps: Hz.
+    """
+    labels = [mesh.labels for mesh in meshes if mesh.labels is not None]
+    return {
+        "vertices": np.concatenate([mesh.vertices for mesh in meshes]),
+        "faces": np.concatenate([mesh.faces for mesh in meshes]),
+        "vertex_counts": np.array([len(mesh.vertices) for mesh in meshes]),
+        "face_counts": np.array([len(mesh.faces) for mesh in meshes]),
+        "frame_numbers": np.array(numbers),
+        "fps": np.array(fps),
+    } | ({"labels": np.concatenate(labels)} if len(labels) == len(meshes) else {})

@@ -11,12 +11,14 @@ from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.quaternions import quaternions_of, rotation_matrices, slerp
 from mhvedit.pipeline.assemble import Assembly
 from mhvedit.pipeline.keys import frames_key
+from mhvedit.pipeline.shown import shown_subjects
 from mhvedit.pipeline.store import Arrays, Key, Store
 from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, PropEdit
 from mhvedit.scene.report import SceneReport
+from mhvedit.scene.shown import shown_scene
 from mhvedit.skeleton.bvh import JointMotion
 from mhvedit.volumes.parts import OwnMesh
 
@@ -50,8 +52,9 @@ def with_props(
     if any(prop.spec.kind == "simulated" for prop in props.values()):
         from mhvedit.pipeline.props_world import simulated  # takes a second to load
 
+        shown, people = shown_scene(edit), shown_subjects(subjects, edit)
         found = store.arrays(
-            _key(scene, edit, subjects, props, store), lambda: simulated(edit, tracks, subjects, props, store)
+            _key(scene, shown, people, props, store), lambda: simulated(shown, tracks, people, props, store)
         )
         tracks |= {name: (found[f"{name}:at"], found[f"{name}:turn"]) for name in props if f"{name}:at" in found}
         said += [str(sentence) for sentence in found["said"]]

@@ -161,10 +161,11 @@ def _world(props: Mapping[str, Prop], store: Store) -> World:
     ground = box(np.array([-side, -side, -thick]), np.array([side, side, 0.0]))
     bodies = [body_of_pieces(FLOOR, [ground], materials, kind=BodyClass.FIXED, material=FLOOR_MATERIAL)]
     rigid = [prop for prop in props.values() if prop.spec.kind != "driven" or prop.motion is not None]
-    return World((*bodies, *(_body(prop, materials, store) for prop in rigid)), materials)
+    return World((*bodies, *(prop_body(prop, materials, store) for prop in rigid)), materials)
 
 
-def _body(prop: Prop, materials: Materials, store: Store) -> Body:
+def prop_body(prop: Prop, materials: Materials, store: Store) -> Body:
+    """A prop that keeps its shape, in convex pieces. Raises WorldError where its mesh is no solid."""
     spec, mesh = prop.spec, prop.mesh
     kind, ball = BodyClass(spec.kind), as_ball(mesh.vertices, mesh.faces)
     if ball is not None:

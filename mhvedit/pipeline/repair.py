@@ -4,11 +4,9 @@ This happens before anything else looks at a capture. The repaired one is kept i
 place: volumes, facing, the check and exports read the same meshes.
 """
 
-import atexit
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -29,7 +27,8 @@ from mhvedit.geometry.arrays import FloatArray, Int32Array
 from mhvedit.pipeline.avoid import Method, avoid_collisions, avoidance_problem
 from mhvedit.pipeline.avoid_report import reasons
 from mhvedit.pipeline.keys import frames_key
-from mhvedit.pipeline.store import Arrays, Key, Store, entry_name
+from mhvedit.pipeline.packing import packed_capture
+from mhvedit.pipeline.store import Arrays, Key, Store, kept_file
 from mhvedit.project.schema import EquipmentSpec, SceneFile, SelfCollisionSpec, SubjectSpec
 from mhvedit.project.subjects import Subject
 from mhvedit.sequences.axes import to_metres_z_up
@@ -116,14 +115,8 @@ def _repaired(
     sequence = subject.sequence
     key = _key(subject, spec, asked, store)
     refused = None if store.folder is None else store.folder / "repaired" / f"refused_{subject.name}.webp"
-    if store.folder is None:
-        folder = Path(tempfile.mkdtemp(prefix="mhvedit_"))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        store = replace(store, folder=folder)
-    assert store.folder is not None
-    place = store.folder / f"{entry_name(key)}.npz"
-    if store.kept(key, names=("vertex_counts",)) is None:
-        replace(store, holds=False).keep(key, _arrays(sequence, spec, asked, workers, refused=refused))
+    build = partial(_arrays, sequence, spec, asked, workers, refused=refused)
+    place = kept_file(store, key, build, told="vertex_counts")
     return open_capture(place, name=sequence.name, fps=sequence.fps)
 
 
@@ -156,7 +149,7 @@ def _arrays(
     avoided = _freed(sequence.name, moving, things, girth, asked, workers)
     meshes = _meshes(sequence, fit, moving, things, girth, avoided)
     return {
-        **_packed(meshes, sequence),
+        **packed_capture(meshes, sequence.numbers, fps=sequence.fps),
         "joints": joint_frames(moving.body.skeleton, avoided.motion.q)[1],
         "touched": touched_frames(moving.motion, avoided.motion),
         "collided": avoided.before > 0,
@@ -243,16 +236,3 @@ def _with(mesh: Mesh, vertices: FloatArray, faces: Int32Array) -> Mesh:
     labels = None if mesh.labels is None else np.concatenate([mesh.labels, np.full(len(vertices), ADDED, np.int32)])
     added = np.asarray(faces + len(mesh.vertices), np.int32)
     return Mesh(np.concatenate([mesh.vertices, vertices]), np.concatenate([mesh.faces, added]), labels)
-
-
-def _packed(meshes: Sequence[Mesh], sequence: MeshSequence) -> Arrays:
-    """Meshes as the arrays of an .npz capture."""
-    labels = [mesh.labels for mesh in meshes if mesh.labels is not None]
-    return {
-        "vertices": np.concatenate([mesh.vertices for mesh in meshes]),
-        "faces": np.concatenate([mesh.faces for mesh in meshes]),
-        "vertex_counts": np.array([len(mesh.vertices) for mesh in meshes]),
-        "face_counts": np.array([len(mesh.faces) for mesh in meshes]),
-        "frame_numbers": np.array(sequence.numbers),
-        "fps": np.array(sequence.fps),
-    } | ({"labels": np.concatenate(labels)} if len(labels) == len(meshes) else {})

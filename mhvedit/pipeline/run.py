@@ -22,6 +22,7 @@ from mhvedit.pipeline.output import (
     claimed,
     result_as_dict,
     solutions_path,
+    touched_files,
     write_json,
     write_result,
 )
@@ -116,7 +117,7 @@ def _answered(out: Path, result: Result, warnings: tuple[str, ...], *, started: 
     """Put the answer in place, unless it is there."""
     key, standing = _answer_key(result), standing_in(out)
     names = _solutions_names(result)
-    files = answer_files(names, solved=result.assembly is not None)
+    files = answer_files(names, solved=result.assembly is not None) + list(_touched(result))
     if standing.answer == key and holds(standing, [*files, REPORT]):
         return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
     there = [
@@ -138,7 +139,13 @@ def _answer_key(result: Result) -> str:
     answer = str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
     captures = [(person.signature, _things_key(person, result.job.store)) for person in people.values()]
     props = [result.job.store.contents.of(prop.sequence.files) for prop in result.job.props.values()]
-    return hashed(("answer", VERSION, scene, captures, props, [s.identity for s in result.segments], answer))
+    touched = [result.job.store.contents.of([file]) for file in _touched(result).values()]
+    return hashed(("answer", VERSION, scene, captures, props, [s.identity for s in result.segments], answer, touched))
+
+
+def _touched(result: Result) -> dict[str, Path]:
+    """Files of stopped meshes, and where they are kept."""
+    return {} if result.assembly is None else touched_files(result.assembly.scene)
 
 
 def _solutions_names(result: Result) -> dict[str, str]:

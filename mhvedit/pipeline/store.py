@@ -1,13 +1,16 @@
 """Results kept in the output folder between runs, under a key made of everything that they depend on."""
 
+import atexit
 import hashlib
 import logging
 import os
+import shutil
+import tempfile
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +92,25 @@ def open_store(cache: Path | None) -> Store:
     """
     memory = None if cache is None else cache / "contents.json"
     return Store(None if cache is None else cache / "results", contents(memory))
+
+
+def kept_file(store: Store, key: Key, build: Callable[[], Arrays], *, told: str) -> Path:
+    """The file that holds arrays which are kept under a key; without a folder, one that lasts as long as the process.
+
+    Args:
+        store: where they are kept.
+        key: everything that they depend on.
+        build: makes them.
+        told: one of them, small.
+    """
+    if store.folder is None:
+        folder = Path(tempfile.mkdtemp(prefix="mhvedit_"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        replace(store, folder=folder, holds=False).keep(key, store.arrays(key, build))
+        return folder / f"{entry_name(key)}.npz"
+    if store.kept(key, names=(told,)) is None:
+        replace(store, holds=False).keep(key, build())
+    return store.folder / f"{entry_name(key)}.npz"
 
 
 def entry_name(key: Key) -> str:

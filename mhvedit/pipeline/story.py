@@ -11,8 +11,11 @@ from mhvedit.pipeline.keys import segment_parts
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.repair import repaired_in_words, repaired_story
 from mhvedit.pipeline.segments import SolvedSegment
+from mhvedit.pipeline.shown import shown_people
+from mhvedit.pipeline.stops_pass import stop_in_words
 from mhvedit.project.schema import SegmentSpec
 from mhvedit.scene.report import SceneReport
+from mhvedit.scene.shown import shown_scene
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.view.charts import SceneCheck
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory, StorySide
@@ -36,23 +39,24 @@ def report_content(
     """
     scene = None if result.assembly is None else result.assembly.scene
     stories = [_story(result, index) for index in range(len(result.segments))]
-    centres = {}
+    centres, people = {}, dict(result.people)
     if scene is not None:
-        centres = {name: result.people[name].centres_at(edit.source) for name, edit in scene.subjects.items()}
+        centres = {name: people[name].centres_at(edit.source) for name, edit in scene.subjects.items()}
+        people, scene = shown_people(people, scene), shown_scene(scene)
     return ReportContent(
         name=result.job.scene.name,
         stories=stories,
         scene=scene,
-        captures={name: person.sequence for name, person in result.people.items()}
+        captures={name: person.sequence for name, person in people.items()}
         | {name: prop.sequence for name, prop in result.job.props.items()},
-        things={name: _things(person) for name, person in result.people.items()},
+        things={name: _things(person) for name, person in people.items()},
         check=None if check is None else scene_check(check),
         limit_mm=limit_mm,
         centres=centres,
         passed=scene is not None and not problems,
         about=[_about(result, name, person) for name, person in result.people.items()],
         warnings=[*warnings, *problems, *_dropped(result)],
-        notes=_bends(result),
+        notes=_bends(result) + _stops(result),
         settings=_settings(result),
         stage_seconds=result.seconds,
     )
@@ -204,6 +208,11 @@ def _bends(result: Result) -> list[str]:
         f"to {bend.moved_mm:.0f} mm, at a cost of {bend.cost:.2g} m²; they are {bend.after_mm:.0f} mm deep."
         for bend in (() if result.assembly is None else result.assembly.bends)
     ]
+
+
+def _stops(result: Result) -> list[str]:
+    """Where limbs stop at props."""
+    return [f"{stop_in_words(stop)}." for stop in (() if result.assembly is None else result.assembly.stops)]
 
 
 def _settings(result: Result) -> Mapping[str, str]:

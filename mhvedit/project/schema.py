@@ -239,6 +239,7 @@ class PropSpec:
     mass: float | None  # kg; None: of a solid of that material
     place: Spot  # of its own frame on the stage, or of its motion's
     motion: MotionSpec | None = None  # of a driven prop; None: as its capture
+    stops: bool = True  # a fixed prop: whether limbs that reach into it stop at it
 
 
 @dataclass(frozen=True, slots=True)

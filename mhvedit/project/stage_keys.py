@@ -20,6 +20,7 @@ PROP: Final[Mapping[str, Any]] = {
     "mass": None,
     "place": [0, 0, 0],
     "motion": None,
+    "stops": None,
 }
 MOTION: Final[Mapping[str, Any]] = {"path": None, "joint": None, "units": None, "up": None}
 CLASSES: Final = ("fixed", "simulated", "driven")
@@ -100,7 +101,19 @@ def _prop(at: Value, known_as: str) -> PropSpec:
         mass=None if mass.value is None else number(mass, above=0),
         place=Spot(x, y, math.radians(yaw)),
         motion=None if entries["motion"].value is None else _motion(entries["motion"], entries),
+        stops=_stops(entries["stops"], entries["class"]),
     )
+
+
+def _stops(at: Value, kind: Value) -> bool:
+    """Whether limbs stop at a prop: at fixed ones, unless that is turned off."""
+    if at.value is None:
+        return True
+    if kind.value != "fixed":
+        raise at.error('nothing, unless the class is "fixed"')
+    if not isinstance(at.value, bool):
+        raise at.error("true or false")
+    return at.value
 
 
 def _motion(at: Value, prop: Mapping[str, Value]) -> MotionSpec:

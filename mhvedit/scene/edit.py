@@ -12,17 +12,20 @@ from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.geometry.quaternions import rotation_matrices
+from mhvedit.scene.touched import Touched, read_touched
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 
 FORMAT = 1
+TOUCHED = "touched"  # folder, beside `edit.json`, of the meshes that props have stopped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SubjectEdit:
-    """One subject through the whole scene."""
+    """One subject through the whole scene; which mesh it shows in a frame is for `scene.shown` to say."""
 
     source: IntArray  # (N,) frame numbers of the capture
     placements: FloatArray  # (N, 3) x, y m and yaw rad: world_from_capture
+    touched: Touched | None = None  # frames with meshes of their own, which props have stopped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +79,10 @@ def placed_mesh(scene: EditedScene, captures: Mapping[str, MeshSequence], subjec
         frame: of the scene, from 0.
     """
     edit = scene.subjects[subject]
-    mesh = captures[subject].mesh(int(edit.source[frame]))
+    if edit.touched is not None and frame in edit.touched.frames:
+        mesh = edit.touched.meshes.mesh(frame)
+    else:
+        mesh = captures[subject].mesh(int(edit.source[frame]))
     return Mesh(apply_pose(edit.placements[frame], mesh.vertices), mesh.faces, mesh.labels)
 
 
@@ -109,6 +115,7 @@ def edit_as_dict(scene: EditedScene) -> dict[str, Any]:
                 "y": edit.placements[:, 1].tolist(),
                 "yaw": edit.placements[:, 2].tolist(),
             }
+            | ({} if edit.touched is None else {"touched": _touched_as_dict(name, edit.touched)})
             for name, edit in scene.subjects.items()
         },
         "segments": [
@@ -127,6 +134,15 @@ def edit_as_dict(scene: EditedScene) -> dict[str, Any]:
         "lower_bound": scene.lower_bound,
         "gap": scene.gap,
     } | ({"props": {name: _prop_as_dict(prop) for name, prop in scene.props.items()}} if scene.props else {})
+
+
+def touched_path(subject: str) -> str:
+    """Where a subject's stopped meshes are, beside `edit.json`."""
+    return f"{TOUCHED}/{subject}.npz"
+
+
+def _touched_as_dict(subject: str, touched: Touched) -> dict[str, Any]:
+    return {"meshes": touched_path(subject), "frames": list(touched.frames)}
 
 
 def _prop_as_dict(prop: PropEdit) -> dict[str, Any]:
@@ -149,7 +165,7 @@ def read_edit(path: Path | str) -> EditedScene:
         data = json.loads(Path(path).read_text())
         if data["version"] != FORMAT:
             raise CaptureError(path, f"version {FORMAT}", f"version {data['version']}")
-        return _edit_from(data)
+        return _edit_from(data, Path(path).parent)
     except FileNotFoundError:
         raise CaptureError(path, "an edit written by `mhvedit solve`", "no such file") from None
     except (ValueError, KeyError, TypeError) as fault:
@@ -158,10 +174,12 @@ def read_edit(path: Path | str) -> EditedScene:
         raise CaptureError(path, "an edit written by `mhvedit solve`", f"{type(fault).__name__}: {fault}") from fault
 
 
-def _edit_from(data: dict[str, Any]) -> EditedScene:
+def _edit_from(data: dict[str, Any], folder: Path) -> EditedScene:
     subjects = {
         name: SubjectEdit(
-            np.array(s["source"], np.int64), np.stack([np.array(s[k], np.float64) for k in ("x", "y", "yaw")], 1)
+            np.array(s["source"], np.int64),
+            np.stack([np.array(s[k], np.float64) for k in ("x", "y", "yaw")], 1),
+            read_touched(folder / s["touched"]["meshes"], s["touched"]["frames"]) if "touched" in s else None,
         )
         for name, s in data["subjects"].items()
     }

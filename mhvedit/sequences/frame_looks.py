@@ -57,4 +57,4 @@ def frame_looks(sequence: MeshSequence, number: int) -> Looks | None:
     """
     if len(sequence.files) != len(sequence.numbers):
         return None
-    return read_looks(sequence.files[sequence.numbers.index(number)], READERS)
+    return read_looks(sequence.files[sequence.numbers.index(sequence.origin(number))], READERS)

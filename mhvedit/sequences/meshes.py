@@ -1,7 +1,7 @@
 """Triangle meshes and sequences of them: one data model behind one door."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +45,7 @@ class MeshSequence:
     fps: float  # Hz
     load: Callable[[int], Mesh]  # frame number -> mesh in metres, z up
     files: tuple[Path, ...] = ()  # the file of each frame, or the one that holds all; where it came from files
+    made_of: Mapping[int, int] = field(default_factory=dict)  # of a frame that was made of a captured one: which
 
     def mesh(self, number: int) -> Mesh:
         """Read one frame.
@@ -59,6 +60,10 @@ class MeshSequence:
         if number not in self.numbers:
             raise MissingFrame(self.name, number, self.numbers)
         return self.load(number)
+
+    def origin(self, number: int) -> int:
+        """The captured frame behind a frame, for which looks, tracks and gaze are known; mostly itself."""
+        return self.made_of.get(number, number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ class FrameCache:
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self.most_bytes = most_bytes
         self.n_bytes = 0
-        self._kept: OrderedDict[tuple[str, int], DrawnFrame] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, int, Path | None], DrawnFrame] = OrderedDict()
 
     def frame(self, name: str, actor: Actor, number: int) -> DrawnFrame:
         """A frame of a capture, read where it is not kept.
@@ -45,7 +46,8 @@ class FrameCache:
             actor: its capture.
             number: frame number, as in the file names.
         """
-        key = (name, number)
+        made = actor.sequence.files[-1] if number in actor.sequence.made_of else None  # another after another choice
+        key = (name, number, made)
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]

@@ -13,8 +13,10 @@ from mhvedit.pipeline.job import Job, Result
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.picks import Frames, canonical_frames
 from mhvedit.pipeline.segments import SolvedSegment
+from mhvedit.pipeline.shown import shown_people
 from mhvedit.project.schema import Spot
 from mhvedit.scene.edit import EditedScene, PropEdit, SegmentEdit, SubjectEdit
+from mhvedit.scene.shown import shown_scene
 from mhvedit.search.groups import SolutionGroup
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import OUTSIDE, ReasonMap
@@ -40,10 +42,12 @@ class Actor:
 
     def centres_at(self, numbers: IntArray) -> FloatArray:
         """(N, 2) m, where the person is in plan."""
-        return np.asarray(self.centres[np.searchsorted(self.numbers, numbers)])
+        captured = [self.sequence.origin(number) for number in numbers.tolist()]
+        return np.asarray(self.centres[np.searchsorted(self.numbers, captured)])
 
     def look_at(self, number: int) -> tuple[FloatArray, FloatArray] | None:
         """Eye (3,) m and direction (3,) of the gaze in a frame; None where it is not known."""
+        number = self.sequence.origin(number)
         row = int(np.searchsorted(self.gaze.numbers, number))
         if row >= len(self.gaze.numbers) or self.gaze.numbers[row] != number:
             return None
@@ -141,7 +145,7 @@ class Material:
 def actor_of(person: Person) -> Actor:
     """What the viewer shows of a person."""
     things = tuple(part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh))
-    numbers = np.array(person.sequence.numbers)
+    numbers = np.array([number for number in person.sequence.numbers if person.sequence.origin(number) == number])
     return Actor(person.sequence, things, person.gaze, numbers, person.centres)
 
 
@@ -194,11 +198,12 @@ def assembled(
     """
     cast = {name: actor_of(person) for name, person in people.items()}
     if edit is not None:
+        cast = {name: actor_of(person) for name, person in shown_people(people, edit).items()}
         return Material(
             name=edit.name,
             fps=edit.fps,
             n_frames=edit.n_frames,
-            tracks=edit.subjects,
+            tracks=shown_scene(edit).subjects,
             cast=cast,
             segments=segments,
             spans=edit.segments,

@@ -16,6 +16,7 @@ from mhvedit.pipeline.job import Job, load
 from mhvedit.pipeline.output import CACHE, EDIT, REPORT, SOURCE, solutions_path
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.run import job_of
+from mhvedit.pipeline.shown import shown_people
 from mhvedit.pipeline.store import DAMAGED, open_store
 from mhvedit.project.scene_file import read_text
 from mhvedit.project.schema import SceneFile
@@ -23,6 +24,7 @@ from mhvedit.project.subject_keys import subject_spec
 from mhvedit.project.subjects import open_subject
 from mhvedit.project.values import Value, dotted
 from mhvedit.scene.edit import SegmentEdit, SubjectEdit, read_edit
+from mhvedit.scene.shown import shown_scene
 from mhvedit.search.groups import SolutionGroup
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import ReasonMap
@@ -113,11 +115,20 @@ def _open_rest(source: Path, out: Path | None, fault: MhveditError) -> Opened:
     if not missing or (not people and edit is None):
         raise fault
     notes = tuple(f"{sentence} ({READ_ONLY})" for sentence in missing)
-    cast = {name: actor_of(person) for name, person in people.items()}
+    shown = people if edit is None else shown_people(people, edit)
+    cast = {name: actor_of(person) for name, person in shown.items()}
     if edit is not None and out is not None:
         segments = _segments(out, edit.segments)
         material = Material(
-            edit.name, edit.fps, edit.n_frames, edit.subjects, cast, segments, edit.segments, placed=True, notes=notes
+            edit.name,
+            edit.fps,
+            edit.n_frames,
+            shown_scene(edit).subjects,
+            cast,
+            segments,
+            edit.segments,
+            placed=True,
+            notes=notes,
         )
         return Opened(None, people, material, out, stale=False)
     shortest = min(len(actor.numbers) for actor in cast.values())

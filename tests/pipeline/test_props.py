@@ -120,7 +120,11 @@ def test_who_reaches_into_a_table_is_told(tmp_path: Path) -> None:
     low, top = np.array([0.45, -0.4, 1.0]), np.array([0.7, 0.1, 1.2])  # 20 mm above the lower side of the arm
     (tmp_path / "high.obj").write_text(obj_text((low + CORNERS * (top - low), FACES)))
     run_scene(scene, tmp_path / "out", report=False)
-    [run] = json.loads((tmp_path / "out" / "report.json").read_text())["entered"]
+    told = json.loads((tmp_path / "out" / "report.json").read_text())
+    [said] = told["warnings"]
+    assert said.startswith("anna is not stopped at props, as no skeleton fits: it does not look like one person")
+    assert "stops" not in told and "touched" not in (tmp_path / "out" / "edit.json").read_text()
+    [run] = told["entered"]
     assert (run["subject"], run["prop"], run["last"]) == ("anna", "table", 23)
     assert run["depth_mm"] == pytest.approx(20, abs=1)
     assert run["sentence"] == f"anna enters table by {run['depth_mm']:.0f} mm in frames {run['first']}-23"

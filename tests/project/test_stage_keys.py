@@ -50,6 +50,14 @@ def test_a_stage_with_a_prop(staged: Callable[[str], Path]) -> None:
     assert table.place == Spot(1, -2, pi) and table.path.path == path.parent / "table.obj"
 
 
+@pytest.mark.parametrize(("keys", "stops"), [("", True), ("stops = false", False), ("stops = true", True)])
+def test_a_fixed_prop_stops_limbs_unless_it_is_told_not_to(
+    staged: Callable[[str], Path], keys: str, stops: bool
+) -> None:
+    scene = load_scene(staged(f'[props.table]\npath = "table.obj"\n{keys}\n'))
+    assert scene.props["table"].stops is stops
+
+
 def test_without_a_stage(staged: Callable[[str], Path]) -> None:
     scene = load_scene(staged(""))
     assert scene.stage == StageSpec() and scene.props == {}
@@ -93,6 +101,14 @@ BAD: dict[str, tuple[tuple[str, str], str]] = {
         ("mass = 3", 'motion = "table.obj"'),
         'props.table.motion: expected nothing, unless the class is "driven", found "table.obj"',
     ),
+    "stops what moves": (
+        ("mass = 3", "stops = true"),
+        'props.table.stops: expected nothing, unless the class is "fixed", found true',
+    ),
+    "stops perhaps": (
+        ('class = "simulated"', 'stops = "yes"'),
+        'props.table.stops: expected true or false, found "yes"',
+    ),
     "no motion there": (
         ('class = "simulated"', 'class = "driven"\nmotion = "box.bvh"'),
         "props.table.motion: expected a BVH file, found nothing at ",
@@ -101,7 +117,7 @@ BAD: dict[str, tuple[tuple[str, str], str]] = {
     "unknown": (
         ("mass = 3", "weight = 3"),
         "props.table.weight: expected one of path, units, up, class, material, mass, place, motion, "
-        "found an unknown key",
+        "stops, found an unknown key",
     ),
 }
 
