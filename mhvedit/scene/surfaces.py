@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 
 from mhvedit.errors import MissingLibrary
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
@@ -127,10 +128,9 @@ def points_of_large_faces(vertices: FloatArray, faces: Int32Array, *, spacing: f
     Returns:
         (N, 3) m, and (N,) the corner nearest in the face's own coordinates.
     """
-    maybe = np.flatnonzero(_longest_squared(vertices, faces) > (LARGE * (1 - TIE)) ** 2)
-    faces = faces[maybe]
+    faces = faces[_beyond(vertices, faces, (LARGE * (1 - TIE)) ** 2)]
     corners = vertices[faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+    longest = _longest(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
     of = np.flatnonzero(longest > LARGE)
     finest = np.maximum(spacing, longest / FINEST)
     weights = np.tile(np.eye(3), (len(of), 1, 1))  # (T, 3, 3) corners of the pieces in coordinates of their face
@@ -138,7 +138,7 @@ def points_of_large_faces(vertices: FloatArray, faces: Int32Array, *, spacing: f
     while len(of):
         placed = weights @ corners[of]
         sides = np.linalg.norm(np.roll(placed, -1, axis=1) - placed, axis=2)  # side i leads from corner i to the next
-        longest = sides.max(1)
+        longest = _longest(sides)
         split = np.flatnonzero(longest > finest[of] * (1 + TIE))
         side = (sides >= longest[:, None] * (1 - TIE)).argmax(1)[split]
         of, weights = of[split], weights[split]
@@ -355,7 +355,18 @@ def _squared(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2)
 
 
-def _longest_squared(vertices: FloatArray, faces: Int32Array) -> FloatArray:
-    """(F,) square of each face's longest edge, m^2."""
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    return np.asarray(np.maximum(np.maximum(_squared(a - b), _squared(b - c)), _squared(c - a)))
+def _longest(sides: FloatArray) -> FloatArray:
+    """(F,) the largest of (F, 3)."""
+    return np.asarray(np.maximum(np.maximum(sides[:, 0], sides[:, 1]), sides[:, 2]))
+
+
+@njit(cache=True, nogil=True)
+def _beyond(vertices: FloatArray, faces: Int32Array, squared: float) -> BoolArray:
+    """(F,) faces with an edge the square of which is more, m^2."""
+    out = np.zeros(faces.shape[0], np.bool_)
+    for f in range(faces.shape[0]):
+        for e in range(3):
+            a, b = faces[f, e], faces[f, (e + 1) % 3]
+            x, y, z = vertices[a, 0] - vertices[b, 0], vertices[a, 1] - vertices[b, 1], vertices[a, 2] - vertices[b, 2]
+            out[f] |= x * x + y * y + z * z > squared
+    return out

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mhvedit.files import replacing
+from mhvedit.files import read_arrays, write_arrays
 from mhvedit.sequences.raw import RawMesh
 
 VERSION: Final = 1  # of the file format and of what the parsers make of a file; part of every key
@@ -45,15 +45,14 @@ def cached_mesh(folder: Path, key: str, build: Callable[[], RawMesh]) -> RawMesh
 
 
 def _read(file: Path) -> RawMesh:
-    """The stored mesh; the zip container checks the sum of every array that is read."""
-    with file.open("rb") as data, np.load(data, allow_pickle=False) as stored:
-        labels = stored["labels"]  # always there, so that a damaged name cannot pass for a mesh without labels
-        return RawMesh(stored["vertices"], stored["faces"], labels if len(labels) else None)
+    """The stored mesh; the sum of every array is checked."""
+    stored = read_arrays(file)
+    labels = stored["labels"]  # always there, so that a damaged name cannot pass for a mesh without labels
+    return RawMesh(stored["vertices"], stored["faces"], labels if len(labels) else None)
 
 
 def _write(file: Path, mesh: RawMesh) -> None:
     """Store a mesh: all of it or nothing."""
     file.parent.mkdir(parents=True, exist_ok=True)
     labels = np.zeros(0, np.int32) if mesh.labels is None else mesh.labels
-    with replacing(file) as beside, beside.open("wb") as out:
-        np.savez(out, allow_pickle=False, vertices=mesh.vertices, faces=mesh.faces, labels=labels)
+    write_arrays(file, {"vertices": mesh.vertices, "faces": mesh.faces, "labels": labels})

@@ -8,6 +8,7 @@ from typing import Final
 from mhvedit.errors import CaptureError
 from mhvedit.sequences.axes import METRES, UP_AXES, to_metres_z_up
 from mhvedit.sequences.cache import VERSION, cached_mesh
+from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.sources import FolderSource, FrameSource, NpzSource
@@ -25,6 +26,7 @@ def open_capture(
     units: str = "m",
     up: str = "z",
     cache: Path | None = None,
+    known: Contents | None = None,
 ) -> MeshSequence:
     """Open a capture; its meshes are read when they are asked for, one by one.
 
@@ -40,6 +42,7 @@ def open_capture(
         units: m, cm or mm of the vertices on disk.
         up: x, y or z: the axis that points up on disk.
         cache: folder for converted copies, or None for none.
+        known: hashes of files that are remembered.
 
     Raises:
         CaptureError: there is no such capture, or its frames cannot be told apart.
@@ -49,20 +52,24 @@ def open_capture(
     if units not in METRES or up not in UP_AXES:
         expected = f"units of {', '.join(METRES)} and up of {', '.join(UP_AXES)}"
         raise CaptureError(path, expected, f"{units!r} and {up!r}")
-    source = open_source(path)
+    source = open_source(path, known)
     rate = float(fps or source.fps or ASSUMED_FPS)
     load = partial(load_frame, source=source, units=units, up=up, cache=cache)
     return MeshSequence(name, source.numbers, rate, load, source.files)
 
 
-def open_source(path: Path) -> FrameSource:
+def open_source(path: Path, known: Contents | None = None) -> FrameSource:
     """Find out what a capture is stored as.
+
+    Args:
+        path: folder or file.
+        known: hashes of files that are remembered.
 
     Raises:
         CaptureError: nothing there, or nothing that can be a capture.
     """
     if path.is_dir():
-        return FolderSource(path)
+        return FolderSource(path, known)
     if not path.exists():
         raise CaptureError(path, "a folder of numbered meshes, a .npz or a USD file", "nothing")
     if path.suffix.lower() == ".npz":

@@ -84,7 +84,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "savez", full)
+    monkeypatch.setattr("mhvedit.sequences.cache.write_arrays", full)
     assert same(cached_mesh(tmp_path, "k", lambda: MESH), MESH)
     assert not list(tmp_path.iterdir())
 
@@ -93,7 +93,7 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, "savez", stopped)
+    monkeypatch.setattr("mhvedit.sequences.cache.write_arrays", stopped)
     with pytest.raises(KeyboardInterrupt):
         cached_mesh(tmp_path, "k", lambda: MESH)
     assert not list(tmp_path.iterdir())
