@@ -26,6 +26,19 @@ def run_lengths(values: ByteArray) -> tuple[ByteArray, IntArray]:
     return values[starts], np.diff(starts, append=len(values))
 
 
+def byte_counts(values: ByteArray, kinds: int) -> IntArray:
+    """How often each of the first so many values comes.
+
+    Args:
+        values: of any shape.
+        kinds: at most 256.
+
+    Returns:
+        (kinds,).
+    """
+    return np.asarray(_counted(np.ascontiguousarray(values).reshape(-1))[:kinds])
+
+
 def runs_along_rows(inside: BoolArray) -> tuple[IntArray, IntArray]:
     """The runs of a set of cells along the last axis.
 
@@ -39,6 +52,21 @@ def runs_along_rows(inside: BoolArray) -> tuple[IntArray, IntArray]:
         parts = list(pool.map(_runs_of_planes, np.array_split(inside, min(len(inside), PORTIONS))))
     starts = np.concatenate([[0], np.cumsum(np.concatenate([count for _, count in parts]))])
     return np.concatenate([run for run, _ in parts]), starts
+
+
+@njit(cache=True, nogil=True)
+def _counted(values: ByteArray) -> IntArray:
+    """(256,) how often each byte comes; four counts at a time, since equal bytes follow each other."""
+    counts = np.zeros((4, 256), np.int64)
+    whole = len(values) // 4 * 4
+    for n in range(0, whole, 4):
+        counts[0, values[n]] += 1
+        counts[1, values[n + 1]] += 1
+        counts[2, values[n + 2]] += 1
+        counts[3, values[n + 3]] += 1
+    for n in range(whole, len(values)):
+        counts[0, values[n]] += 1
+    return counts.sum(0)
 
 
 @njit(cache=True, nogil=True)
