@@ -55,8 +55,8 @@ def shell_of(mesh: Mesh) -> Float32Array:
 
 def _first_of_cells(cells: IntArray) -> IntArray:
     """Which rows of (N, 3) are the first of their kind, ascending."""
-    low = cells.min(0)
-    shape = cells.max(0) - low + 1
+    low, high = _limits(cells)
+    shape = high - low + 1
     if np.prod(shape.astype(np.float64)) <= MOST_CELLS:
         return np.asarray(_unseen(cells, low, shape))
     _, first = np.unique(cells @ (1 << np.array([42, 21, 0])), return_index=True)
@@ -109,6 +109,16 @@ def touching(
             first,
         )
     )
+
+
+@njit(cache=True, nogil=True)
+def _limits(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """The smallest and the largest of (N, 3)."""
+    low, high = cells[0].copy(), cells[0].copy()
+    for n in range(1, cells.shape[0]):
+        for c in range(3):
+            low[c], high[c] = min(low[c], cells[n, c]), max(high[c], cells[n, c])
+    return low, high
 
 
 @njit(cache=True, nogil=True)

@@ -1,5 +1,6 @@
 """Converted copies of frames on disk, so that a second run does not parse text again."""
 
+import hashlib
 import logging
 import zipfile
 import zlib
@@ -9,10 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from mhvedit.files import read_arrays, write_arrays
+from mhvedit.files import read_arrays, replacing, write_arrays
+from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.raw import RawMesh
 
 VERSION: Final = 1  # of the file format and of what the parsers make of a file; part of every key
+PLACE: Final = ".place"  # ending of a file that says where a frame is
+PLACE_BYTES: Final = 64
+DIGEST: Final = 16  # bytes of the sum at the end of such a file
 _log = logging.getLogger(__name__)
 _DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
 
@@ -42,6 +47,40 @@ def cached_mesh(folder: Path, key: str, build: Callable[[], RawMesh]) -> RawMesh
     except OSError as error:
         _log.warning("%s: cache file cannot be written, going on without it (%s)", file, error)
     return mesh
+
+
+def cached_place(folder: Path, key: str, build: Callable[[], FloatArray]) -> FloatArray:
+    """Where a frame is (`areas.place_of`): from its file in the folder, or measured and stored, as `cached_mesh` does.
+
+    Args:
+        folder: made when needed.
+        key: name of the file; whatever changes the place must change the key.
+        build: measures it; its errors pass through.
+
+    Returns:
+        (8,) m.
+    """
+    file = folder / f"{key}{PLACE}"
+    try:
+        data = file.read_bytes()
+    except OSError:
+        data = b""
+    numbers, digest = data[:-DIGEST], data[-DIGEST:]
+    if len(numbers) == PLACE_BYTES and digest == _digest(numbers):
+        return np.frombuffer(numbers, "<f8").astype(np.float64)
+    place = build()
+    numbers = place.astype("<f8").tobytes()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(file) as beside:
+            beside.write_bytes(numbers + _digest(numbers))
+    except OSError as error:
+        _log.warning("%s: cache file cannot be written, going on without it (%s)", file, error)
+    return place
+
+
+def _digest(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=DIGEST).digest()
 
 
 def _read(file: Path) -> RawMesh:

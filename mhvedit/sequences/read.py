@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Final
 
 from mhvedit.errors import CaptureError
+from mhvedit.geometry.arrays import FloatArray
+from mhvedit.sequences.areas import place_of
 from mhvedit.sequences.axes import METRES, UP_AXES, to_metres_z_up
-from mhvedit.sequences.cache import VERSION, cached_mesh
+from mhvedit.sequences.cache import VERSION, cached_mesh, cached_place
 from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.sequences.raw import RawMesh
@@ -15,6 +17,7 @@ from mhvedit.sequences.sources import FolderSource, FrameSource, NpzSource
 from mhvedit.sequences.usd import UsdSource
 
 USD_SUFFIXES: Final = (".usd", ".usda", ".usdc", ".usdz")
+PLACES: Final = 1  # of what is kept of a frame's place; raise it when that changes
 ASSUMED_FPS: Final = 30.0  # Hz, where neither the caller nor the capture says
 
 
@@ -55,7 +58,8 @@ def open_capture(
     source = open_source(path, known)
     rate = float(fps or source.fps or ASSUMED_FPS)
     load = partial(load_frame, source=source, units=units, up=up, cache=cache)
-    return MeshSequence(name, source.numbers, rate, load, source.files)
+    place = None if cache is None else partial(load_place, source=source, units=units, up=up, cache=cache)
+    return MeshSequence(name, source.numbers, rate, load, source.files, place)
 
 
 def open_source(path: Path, known: Contents | None = None) -> FrameSource:
@@ -97,5 +101,22 @@ def load_raw(number: int, *, source: FrameSource, cache: Path | None) -> RawMesh
     identity, opened = source.opened(number)
     if cache is None:
         return source.parsed(number, opened)
-    key = hashlib.blake2b(f"{VERSION}:{identity}".encode(), digest_size=20).hexdigest()
-    return cached_mesh(cache, key, lambda: source.parsed(number, opened))
+    return cached_mesh(cache, _key(identity), lambda: source.parsed(number, opened))
+
+
+def load_place(number: int, *, source: FrameSource, units: str, up: str, cache: Path) -> FloatArray:
+    """Where one frame is, in metres and z up (see `areas.place_of`), as it is kept beside its converted copy.
+
+    Raises:
+        CaptureError: the frame cannot be read or used.
+    """
+    identity, _ = source.opened(number)
+    key = _key(f"{PLACES}:{units}:{up}:{identity}")
+    return cached_place(
+        cache, key, lambda: place_of(load_frame(number, source=source, units=units, up=up, cache=cache))
+    )
+
+
+def _key(identity: str) -> str:
+    """The name of the file in which something about a frame is kept."""
+    return hashlib.blake2b(f"{VERSION}:{identity}".encode(), digest_size=20).hexdigest()
