@@ -116,15 +116,15 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
         with container.open(member) as content:
             return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
     name = member.header_offset + LOCAL_HEADER
-    start = name + sum(FIELD.unpack(data[name - FIELD.size : name]))
-    content = data[start : start + member.file_size]
-    if zlib.crc32(content) != member.CRC:
+    start = name + sum(FIELD.unpack(data[name - FIELD.size : name].tobytes()))
+    stored = data[start : start + member.file_size]
+    if zlib.crc32(stored.data) != member.CRC:
         raise zipfile.BadZipFile(f"bad CRC-32 for {member.filename}")
-    header = io.BytesIO(content[:HEADER].data)
+    header = io.BytesIO(stored[:HEADER].tobytes())
     np.lib.format.read_magic(header)
     shape, by_columns, kind = np.lib.format.read_array_header_1_0(header)
-    array = content[header.tell() :].view(kind).reshape(shape, order="F" if by_columns else "C")
-    return array if array.flags.aligned else array.copy()
+    array = stored[header.tell() :].view(kind).reshape(shape, order="F" if by_columns else "C")
+    return np.asarray(array if array.flags.aligned else array.copy())
 
 
 def _store(container: zipfile.ZipFile, member: zipfile.ZipInfo, array: NDArray[Any]) -> None:

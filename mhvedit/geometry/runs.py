@@ -66,7 +66,7 @@ def _counted(values: ByteArray) -> IntArray:
         counts[3, values[n + 3]] += 1
     for n in range(whole, len(values)):
         counts[0, values[n]] += 1
-    return counts.sum(0)
+    return np.asarray(counts.sum(0))
 
 
 @njit(cache=True, nogil=True)

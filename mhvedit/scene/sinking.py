@@ -127,7 +127,7 @@ def _box_of_all(boxes: FloatArray) -> FloatArray:
     for f in range(1, boxes.shape[0]):
         for c in range(3):
             out[c], out[c + 3] = min(out[c], boxes[f, c]), max(out[c + 3], boxes[f, c + 3])
-    return out
+    return np.asarray(out)
 
 
 @njit(cache=True, nogil=True)
@@ -207,10 +207,10 @@ def _height(a: FloatArray, b: FloatArray, c: FloatArray, p: FloatArray) -> float
     low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     if area == 0.0:
-        return 0.5 * (low + high)
+        return float(0.5 * (low + high))
     s = ((p[0] - a[0]) * (c[1] - a[1]) - (p[1] - a[1]) * (c[0] - a[0])) / area
     t = ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])) / area
-    return min(max(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low), high)
+    return float(min(max(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low), high))
 
 
 @njit(cache=True, nogil=True)
@@ -261,7 +261,7 @@ def _to_face(p: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> floa
     else:
         s, t = vb / (va + vb + vc), vc / (va + vb + vc)
     x, y, z = x - s * ab_x - t * ac_x, y - s * ab_y - t * ac_y, z - s * ab_z - t * ac_z
-    return x * x + y * y + z * z
+    return float(x * x + y * y + z * z)
 
 
 @njit(cache=True, nogil=True)

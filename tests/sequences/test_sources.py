@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mhvedit.errors import CaptureError
+from mhvedit.sequences.contents import contents
 from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.sources import FolderSource, FrameSource, NpzSource
 
@@ -61,6 +62,20 @@ def test_a_file_is_hashed_again_only_if_it_has_changed(tmp_path: Path, monkeypat
     os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
     changed, read = source.opened(1)
     assert changed != first and read[1] == moved.encode()
+
+
+def test_a_file_that_another_run_has_hashed_is_not_hashed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mhvedit.sequences.contents.SETTLED", -1)
+    known = contents(tmp_path / "memory.json")
+    (tmp_path / "c").mkdir()
+    first, (_, read) = FolderSource(folder(tmp_path / "c", "a_1.obj"), known).opened(1)
+    known.save()
+    source = FolderSource(tmp_path / "c", contents(tmp_path / "memory.json"))
+    again, (_, unread) = source.opened(1)
+    assert read is not None and unread is None and again == first
+    assert len(source.parsed(1, source.opened(1)[1]).faces) == 1
 
 
 def test_a_file_of_just_now_is_hashed_every_time(tmp_path: Path) -> None:
