@@ -2,6 +2,7 @@
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,7 +93,10 @@ def test_an_array_that_is_not_there(tmp_path: Path) -> None:
 
 
 def test_what_is_read_as_a_whole_is_aligned_its_own_and_checked(tmp_path: Path) -> None:
-    arrays = {"x": np.random.default_rng(0).random((900, 3)), "n": np.arange(4000, dtype=np.int32).reshape(50, 80).T}
+    arrays: dict[str, Any] = {
+        "x": np.random.default_rng(0).random((900, 3)),
+        "n": np.arange(4000, dtype=np.int32).reshape(50, 80).T,
+    }
     write_arrays(tmp_path / "a.npz", arrays)
     np.savez(tmp_path / "b.npz", **arrays)
     for name in ("a.npz", "b.npz"):
