@@ -19,6 +19,7 @@ import pyvista as pv
 import trimesh
 
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.closed import has_no_boundary
 from mhvedit.pipeline.people import place_in_plan
 from mhvedit.sequences.bodies import FINE, TRACKING, BodyTrack, track_body
 from mhvedit.sequences.body_fit import BodyPose, fit_body
@@ -32,7 +33,7 @@ from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.read import open_capture
 from mhvedit.sequences.surface_cloud import own_frame, surface_cloud
 from mhvedit.volumes.subject import subject_volumes
-from mhvedit.volumes.voxelise import has_no_boundary, solid_voxels
+from mhvedit.volumes.voxelise import solid_voxels
 
 PROJECT = Path(__file__).resolve().parents[1]
 DUEL = PROJECT / "data" / "duel" / "anna"

@@ -14,11 +14,12 @@ import open3d as o3d
 
 from benchmarks.duel import BUNDLED
 from benchmarks.frames import PITCH, best
+from mhvedit.geometry.closed import has_no_boundary
 from mhvedit.sequences.cache import cached_mesh
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.read import open_capture
-from mhvedit.volumes.voxelise import has_no_boundary, solid_voxels
+from mhvedit.volumes.voxelise import solid_voxels
 
 FACES = 40_000
 FRAME = 100

@@ -6,6 +6,7 @@ import struct
 import threading
 import tomllib
 import zipfile
+import zlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.resources import files
@@ -21,6 +22,7 @@ LOCAL_HEADER: Final = 30  # bytes before a zip member's name; the last four tell
 FIELD: Final = struct.Struct("<HH")
 PADDING: Final = 0xD935  # kind of an extra field that says nothing
 ALIGNED: Final = 64  # bytes
+HEADER: Final = 1024  # bytes that the header of an array takes at most
 
 
 @contextmanager
@@ -88,6 +90,41 @@ def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
             else:
                 arrays[name] = _mapped(file, member.header_offset)
     return arrays
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of a file that `write_arrays` wrote, their sums checked; views of one buffer where they lie aligned.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        OSError, ValueError, zipfile.BadZipFile: the file is missing or damaged.
+    """
+    with path.open("rb", buffering=0) as file:
+        data = np.empty(os.fstat(file.fileno()).st_size, np.uint8)
+        if file.readinto(data.data) != len(data):
+            raise EOFError(f"{path}: it changed while it was read")
+        with zipfile.ZipFile(file) as container:
+            members = container.infolist()
+            return {member.filename.removesuffix(".npy"): _read(container, member, data) for member in members}
+
+
+def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.uint8]) -> NDArray[Any]:
+    """One array of a file that is in memory."""
+    if member.compress_type != zipfile.ZIP_STORED or member.file_size < WORTHWHILE:
+        with container.open(member) as content:
+            return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
+    name = member.header_offset + LOCAL_HEADER
+    start = name + sum(FIELD.unpack(data[name - FIELD.size : name].tobytes()))
+    stored = data[start : start + member.file_size]
+    if zlib.crc32(stored.data) != member.CRC:
+        raise zipfile.BadZipFile(f"bad CRC-32 for {member.filename}")
+    header = io.BytesIO(stored[:HEADER].tobytes())
+    np.lib.format.read_magic(header)
+    shape, by_columns, kind = np.lib.format.read_array_header_1_0(header)
+    array = stored[header.tell() :].view(kind).reshape(shape, order="F" if by_columns else "C")
+    return np.asarray(array if array.flags.aligned else array.copy())
 
 
 def _store(container: zipfile.ZipFile, member: zipfile.ZipInfo, array: NDArray[Any]) -> None:

@@ -2,6 +2,7 @@
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from mhvedit.files import ALIGNED, map_arrays, replacing, write_arrays
+from mhvedit.files import ALIGNED, map_arrays, read_arrays, replacing, write_arrays
 
 KINDS = (np.uint8, np.bool_, np.int32, np.uint64, np.float64)
 
@@ -48,6 +49,11 @@ def test_arrays_come_back(arrays: dict[str, np.ndarray], tmp_path_factory: pytes
             np.testing.assert_array_equal(read[name], array)
     for name, array in map_arrays(path, list(arrays)).items():
         np.testing.assert_array_equal(array, arrays[name])
+    whole = read_arrays(path)
+    assert set(whole) == set(arrays)
+    for name, array in whole.items():
+        assert array.dtype == arrays[name].dtype
+        np.testing.assert_array_equal(array, arrays[name])
 
 
 def test_large_arrays_are_mapped_where_numbers_lie_aligned(tmp_path: Path) -> None:
@@ -84,3 +90,21 @@ def test_an_array_that_is_not_there(tmp_path: Path) -> None:
     write_arrays(tmp_path / "a.npz", {"x": np.arange(3)})
     with pytest.raises(KeyError):
         map_arrays(tmp_path / "a.npz", ["y"])
+
+
+def test_what_is_read_as_a_whole_is_aligned_its_own_and_checked(tmp_path: Path) -> None:
+    arrays: dict[str, Any] = {
+        "x": np.random.default_rng(0).random((900, 3)),
+        "n": np.arange(4000, dtype=np.int32).reshape(50, 80).T,
+    }
+    write_arrays(tmp_path / "a.npz", arrays)
+    np.savez(tmp_path / "b.npz", **arrays)
+    for name in ("a.npz", "b.npz"):
+        for key, array in read_arrays(tmp_path / name).items():
+            np.testing.assert_array_equal(array, arrays[key])
+            assert array.flags.aligned and array.flags.writeable
+    data = bytearray((tmp_path / "a.npz").read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "a.npz").write_bytes(data)
+    with pytest.raises(zipfile.BadZipFile):
+        read_arrays(tmp_path / "a.npz")

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from mhvedit import __version__
-from mhvedit.pipeline.contents import Contents
 from mhvedit.pipeline.output import CACHE, write_json
 from mhvedit.pipeline.run import VERSION
 from mhvedit.pipeline.store import hashed
 from mhvedit.project.schema import FilePath, SceneFile
+from mhvedit.sequences.contents import Contents
 
 RECORDS = f"{CACHE}/batch"
 

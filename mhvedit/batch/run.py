@@ -18,11 +18,11 @@ from mhvedit.batch.records import Inputs
 from mhvedit.batch.report import write_summary
 from mhvedit.batch.tasks import SceneDone, finish_scene, look_at, solve_one, vary
 from mhvedit.errors import MhveditError
-from mhvedit.pipeline.contents import contents
 from mhvedit.pipeline.kept import cache_limit, trim
 from mhvedit.pipeline.output import CACHE, claimed
 from mhvedit.project.scene_file import load_scene
 from mhvedit.project.schema import SceneFile
+from mhvedit.sequences.contents import contents
 
 AHEAD: Final = 3  # scenes a thread that are handed in, so that nobody waits for work
 LEAST_AHEAD: Final = 8

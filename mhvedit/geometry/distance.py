@@ -1,7 +1,8 @@
 """Exact distances, inside a set of cells, to what is not in the set; the last axis is a circle.
 
-Squares of distances are made one axis at a time. Only rows along the last axis that hold any cell of the set are kept;
-of all others every cell is outside. A row looks at the rows beside it for as long as they can still be nearer.
+Squares of distances are made one axis at a time, run by run of cells along the last axis. Only rows along that axis
+that hold any cell of the set are kept; of all others every cell is outside. A run looks at the rows beside it for as
+long as they can still be nearer.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.runs import runs_along_rows
 
 FAR = 1e18  # m^2
 
@@ -25,116 +27,129 @@ def distance_to_outside(inside: BoolArray, *, spacing: tuple[float, float, float
     Returns:
         (S,) in the order of `np.argwhere(inside)`.
     """
+    runs, starts = runs_along_rows(inside)
+    return distance_in_runs(runs, starts, inside.shape, spacing=spacing, workers=workers)
+
+
+def distance_in_runs(
+    runs: IntArray,
+    starts: IntArray,
+    shape: tuple[int, ...],
+    *,
+    spacing: tuple[float, float, float],
+    workers: int = 2,
+) -> FloatArray:
+    """The same of a set that is told by its runs (see `runs_along_rows`).
+
+    Args:
+        runs: (R, 2) start and stop of each run.
+        starts: (X * Y + 1,) where the runs of each row start.
+        shape: (X, Y, Z) of the box of cells.
+        spacing: as above.
+        workers: as above.
+    """
+    n_x, n_y, n_z = shape
+    held = (np.diff(starts) > 0).reshape(n_x, n_y)
+    rows = np.where(held, np.cumsum(held).reshape(n_x, n_y) - 1, -1)
+    cells = np.concatenate([[0], np.cumsum(runs[:, 1] - runs[:, 0])])
+    squared, out = np.empty((int(held.sum()), n_z)), np.empty(int(cells[-1]))
+    shares, across = (np.array_split(np.arange(n), min(n, 8 * workers)) for n in (n_x, n_y))
     with ThreadPoolExecutor(workers) as pool:
-        shares = np.array_split(np.arange(len(inside)), min(len(inside), 8 * workers))
-        count = np.concatenate(list(pool.map(lambda share: _count(inside, share), shares)))
-        rows = np.where(count > 0, np.cumsum(count.ravel() > 0).reshape(count.shape) - 1, -1)
-        starts = np.concatenate([[0], np.cumsum(count)])
-        squared = np.empty((int((count > 0).sum()), inside.shape[2]))
-        out = np.empty(int(starts[-1]))
-        list(pool.map(lambda share: _along_rows(inside, rows, share, spacing, squared), shares))
-        list(pool.map(lambda share: _across_rows(inside, rows, starts, share, spacing[0], squared, out), shares))
+        list(pool.map(lambda share: _along_rows(runs, starts, rows, share, spacing, squared), shares))
+        list(pool.map(lambda share: _across_rows(runs, starts, rows, share, spacing[0], squared, cells, out), across))
     return out
 
 
 @njit(cache=True, nogil=True)
-def _count(inside: BoolArray, share: IntArray) -> IntArray:
-    """(K, Y) cells inside, of each row of some planes."""
-    count = np.zeros((share.shape[0], inside.shape[1]), np.int64)
-    for n in range(share.shape[0]):
-        for y in range(inside.shape[1]):
-            total = 0
-            for z in range(inside.shape[2]):
-                total += inside[share[n], y, z]
-            count[n, y] = total
-    return count
-
-
-@njit(cache=True, nogil=True)
 def _along_rows(
-    inside: BoolArray, rows: IntArray, share: IntArray, spacing: tuple[float, float, float], squared: FloatArray
+    runs: IntArray,
+    starts: IntArray,
+    rows: IntArray,
+    share: IntArray,
+    spacing: tuple[float, float, float],
+    squared: FloatArray,
 ) -> None:
     """Squared distances within some planes."""
-    n_y, n_z = inside.shape[1], inside.shape[2]
-    plane = np.zeros((n_y, n_z))
+    n_y, n_z = rows.shape[1], squared.shape[1]
+    plane, empty = np.zeros((n_y, n_z)), np.zeros(n_z)
     for x in share:
         for y in range(n_y):
             if rows[x, y] >= 0:
-                _along_circle(inside[x, y], spacing[2], plane[y])
+                _along_circle(runs[starts[x * n_y + y] : starts[x * n_y + y + 1]], spacing[2], plane[y])
         for y in range(n_y):
-            row = rows[x, y]
-            if row >= 0:
-                squared[row] = plane[y]
-                away = 1
-                while (away * spacing[1]) ** 2 < squared[row].max():
-                    least = (away * spacing[1]) ** 2
-                    for other in (y - away, y + away):
-                        if 0 <= other < n_y and rows[x, other] >= 0:
-                            _lower(squared[row], plane[other], least)
-                        else:
-                            _cut(squared[row], least)
+            if rows[x, y] < 0:
+                continue
+            line = squared[rows[x, y]]
+            line[:] = plane[y]
+            for run in range(starts[x * n_y + y], starts[x * n_y + y + 1]):
+                low, high = runs[run, 0], runs[run, 1]
+                away, further = 1, True
+                while further:
+                    one = plane[y - away] if y >= away and rows[x, y - away] >= 0 else empty
+                    other = plane[y + away] if y + away < n_y and rows[x, y + away] >= 0 else empty
+                    further = _lower(line[low:high], one[low:high], other[low:high], away, spacing[1])
                     away += 1
 
 
 @njit(cache=True, nogil=True)
 def _across_rows(
-    inside: BoolArray,
-    rows: IntArray,
+    runs: IntArray,
     starts: IntArray,
+    rows: IntArray,
     share: IntArray,
     spacing: float,
     squared: FloatArray,
+    cells: IntArray,
     out: FloatArray,
 ) -> None:
-    """Distances of the cells of some planes, from the squared ones within all planes."""
-    n_x, n_y, n_z = inside.shape
-    line = np.empty(n_z)
-    for x in share:
-        for y in range(n_y):
-            if rows[x, y] < 0:
-                continue
-            line[:] = squared[rows[x, y]]
-            away = 1
-            while (away * spacing) ** 2 < line.max():
-                least = (away * spacing) ** 2
-                for other in (x - away, x + away):
-                    if 0 <= other < n_x and rows[other, y] >= 0:
-                        _lower(line, squared[rows[other, y]], least)
-                    else:
-                        _cut(line, least)
-                away += 1
-            at = starts[x * n_y + y]
-            for z in range(n_z):
-                if inside[x, y, z]:
-                    out[at] = np.sqrt(line[z])
-                    at += 1
+    """Distances of the cells of some rows of planes, from the squared ones within all planes; one y after another,
+    so that the rows beside a row are still at hand.
+    """
+    n_x, n_y = rows.shape
+    empty = np.zeros(squared.shape[1])
+    for y in share:
+        for x in range(n_x):
+            for run in range(starts[x * n_y + y], starts[x * n_y + y + 1]):
+                low, high = runs[run, 0], runs[run, 1]
+                line = out[cells[run] : cells[run + 1]]
+                line[:] = squared[rows[x, y], low:high]
+                away, further = 1, True
+                while further:
+                    one = squared[rows[x - away, y]] if x >= away and rows[x - away, y] >= 0 else empty
+                    other = squared[rows[x + away, y]] if x + away < n_x and rows[x + away, y] >= 0 else empty
+                    further = _lower(line, one[low:high], other[low:high], away, spacing)
+                    away += 1
+                for z in range(len(line)):
+                    line[z] = np.sqrt(line[z])
 
 
 @njit(cache=True, nogil=True)
-def _along_circle(inside: BoolArray, spacing: float, out: FloatArray) -> None:
-    """Squared distance to the nearest outside along a circle; FAR where there is none."""
-    n = inside.shape[0]
-    steps = n
-    for sweep in range(2 * n):  # upwards, twice around
-        z = sweep if sweep < n else sweep - n
-        steps = steps + 1 if inside[z] else 0
-        out[z] = steps
-    steps = n
-    for sweep in range(2 * n - 1, -1, -1):  # and downwards
-        z = sweep if sweep < n else sweep - n
-        steps = steps + 1 if inside[z] else 0
-        out[z] = min(out[z], steps)
-    for z in range(n):
-        out[z] = FAR if out[z] >= n else (out[z] * spacing) ** 2
+def _along_circle(runs: IntArray, spacing: float, out: FloatArray) -> None:
+    """Squared distance to the nearest outside along a circle; FAR where there is none, 0 outside the row's runs."""
+    n, last = out.shape[0], runs.shape[0] - 1
+    seam = runs[0, 0] == 0 and runs[last, 1] == n  # the last run goes on in the first
+    out[:] = 0.0
+    for run in range(last + 1):
+        low, high = runs[run, 0], runs[run, 1]
+        if high - low == n:
+            out[:] = FAR
+            return
+        below = runs[last, 1] - runs[last, 0] if seam and run == 0 else 0
+        above = runs[0, 1] if seam and run == last else 0
+        for z in range(low, high):
+            out[z] = (float(min(z - low + 1 + below, high - z + above)) * spacing) ** 2
 
 
 @njit(cache=True, nogil=True)
-def _lower(line: FloatArray, other: FloatArray, offset: float) -> None:
+def _lower(line: FloatArray, one: FloatArray, other: FloatArray, away: int, spacing: float) -> bool:
+    """Lower squared distances to those by way of two rows that are so many steps away; False where no row further
+    away can be nearer.
+    """
+    offset, beyond = (away * spacing) ** 2, ((away + 1) * spacing) ** 2
+    left = 0
     for z in range(line.shape[0]):
-        line[z] = min(line[z], other[z] + offset)
-
-
-@njit(cache=True, nogil=True)
-def _cut(line: FloatArray, most: float) -> None:
-    for z in range(line.shape[0]):
-        line[z] = min(line[z], most)
+        nearer = one[z] if one[z] < other[z] else other[z]
+        nearer += offset
+        line[z] = nearer if nearer < line[z] else line[z]
+        left += line[z] > beyond
+    return left > 0

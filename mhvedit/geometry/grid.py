@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -63,15 +64,10 @@ def grown(grid: VoxelGrid, margin: int) -> VoxelGrid:
 
 def cropped(filled: BoolArray, grid: VoxelGrid) -> VoxelGrid:
     """The smallest box around the filled voxels; one voxel where there are none."""
-    if not filled.any():
+    low, high = _extent(filled)
+    if high[0] == 0:
         return VoxelGrid(grid.start, (1, 1, 1), grid.pitch)
-    low, high = [], []
-    for axis in range(3):
-        others = tuple(a for a in range(3) if a != axis)
-        where = np.flatnonzero(filled.any(axis=others))
-        low.append(grid.start[axis] + where[0])
-        high.append(grid.start[axis] + where[-1] + 1)
-    return _grid(np.array(low), np.array(high), grid.pitch)
+    return _grid(np.array(grid.start) + low, np.array(grid.start) + high, grid.pitch)
 
 
 def ball_offsets(radius: float) -> IntArray:
@@ -97,3 +93,23 @@ def ball_offsets(radius: float) -> IntArray:
 def _grid(start: IntArray, stop: IntArray, pitch: float) -> VoxelGrid:
     a, b = [int(v) for v in start], [int(v) for v in stop]
     return VoxelGrid((a[0], a[1], a[2]), (b[0] - a[0], b[1] - a[1], b[2] - a[2]), pitch)
+
+
+@njit(cache=True, nogil=True)
+def _extent(filled: BoolArray) -> tuple[IntArray, IntArray]:
+    """(3,) first index of the filled voxels along each axis, and (3,) just past the last; 0 and 0 where none is."""
+    low, high = np.array(filled.shape), np.zeros(3, np.int64)
+    column = np.zeros(filled.shape[2], np.bool_)  # of which heights any is filled
+    for x in range(filled.shape[0]):
+        for y in range(filled.shape[1]):
+            some = False
+            for z in range(filled.shape[2]):
+                some |= filled[x, y, z]
+                column[z] |= filled[x, y, z]
+            if some:
+                low[0], high[0] = min(low[0], x), x + 1
+                low[1], high[1] = min(low[1], y), max(high[1], y + 1)
+    for z in range(filled.shape[2]):
+        if column[z]:
+            low[2], high[2] = min(low[2], z), z + 1
+    return low, high

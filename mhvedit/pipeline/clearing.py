@@ -17,13 +17,13 @@ from mhvedit.optimise.bending import Push, bent
 from mhvedit.optimise.transitions import shift_weights
 from mhvedit.pipeline.assemble import Assembly, Bend, path_settings
 from mhvedit.pipeline.bodies import Body
-from mhvedit.pipeline.depths import STRANGERS, Movers, Pair, depths_at_first, depths_of, movers_of, solid_mesh
+from mhvedit.pipeline.depths import Movers, Pair, depths_at_first, depths_of, movers_of, solid_mesh
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.store import Store
 from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile
 from mhvedit.scene.edit import SubjectEdit
-from mhvedit.scene.surfaces import clearance, open_surface
+from mhvedit.scene.sinking import sunk
 from mhvedit.sequences.meshes import Mesh
 
 SPARE: Final = 0.002  # m more than what is needed
@@ -112,10 +112,10 @@ def _needed(movers: Movers, paths: Mapping[str, FloatArray], pair: Pair, frame: 
     Moving somebody by a way makes nobody less deep by more than that, so every step is by what is too deep still.
     """
     one, other = (solid_mesh(movers, name, paths[name][frame], frame) for name in pair)
-    fixed, allowed, way = open_surface(other), movers.allowed[pair][frame], 0.0
+    allowed, way = movers.allowed[pair][frame], 0.0
     while way <= FURTHEST:
         moved = Mesh(one.vertices + way * np.append(direction, 0.0), one.faces)
-        over = clearance(open_surface(moved), fixed, reach=STRANGERS).depth - allowed
+        over = sunk(moved, other) - allowed
         if over <= 0:
             break
         way += over + SPARE

@@ -18,7 +18,7 @@ from mhvedit.pipeline.store import Arrays, Store
 from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.scene.edit import EditedScene, SubjectEdit
-from mhvedit.scene.surfaces import clearance, open_surface
+from mhvedit.scene.sinking import sunk
 from mhvedit.sequences.meshes import Mesh, joined
 
 VERSION: Final = 1  # of what is kept; raise it when depths change
@@ -213,8 +213,8 @@ def is_movable(movers: Movers, pair: Pair) -> BoolArray:
 
 def _depth(movers: Movers, paths: Mapping[str, FloatArray], pair: Pair, frame: int) -> float:
     """How deep two are in each other in a frame, m."""
-    one, other = (open_surface(solid_mesh(movers, name, paths[name][frame], frame)) for name in pair)
-    return clearance(one, other, reach=STRANGERS).depth
+    one, other = (solid_mesh(movers, name, paths[name][frame], frame) for name in pair)
+    return sunk(one, other)
 
 
 def solid_mesh(movers: Movers, name: str, pose: FloatArray, frame: int) -> Mesh:

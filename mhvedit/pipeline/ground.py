@@ -15,11 +15,11 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.geometry.planar import apply_pose, compose, invert
 from mhvedit.pipeline.bodies import inside
-from mhvedit.pipeline.contents import Contents
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.store import Key
 from mhvedit.project.props import open_props
 from mhvedit.project.schema import SceneFile, SegmentSpec
+from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.volumes.history import MotionHistoryVolume, frame_mask
 from mhvedit.volumes.subject import SubjectVolumes, all_of

@@ -72,13 +72,13 @@ def load(path: Path | str, *, cache: Path | None = None) -> Job:
         MhveditError: something is wrong with the scene file or a capture.
     """
     scene = oriented(load_scene(Path(path)))
-    subjects = open_subjects(scene, cache=None if cache is None else cache / "frames")
+    store = open_store(cache)
+    subjects = open_subjects(scene, cache=None if cache is None else cache / "frames", known=store.contents)
     props = open_props(scene, cache=None if cache is None else cache / "frames")
     if any(spec.kind == "simulated" for spec in scene.props.values()):
         from mhvedit.pipeline.props_world import require_simulable  # takes a second to load, and few scenes need it
 
         require_simulable(scene, props)
-    store = open_store(cache)
     if any(spec.self_collision is not None for spec in scene.subjects.values()):
         from mhvedit.pipeline.repair import repaired_subjects  # likewise
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from mhvedit.errors import MhveditError
 from mhvedit.pipeline.output import CACHE
+from mhvedit.sequences.cache import PLACE
 
 LIMIT: Final = 8.0  # GB
 VARIABLE: Final = "MHVEDIT_CACHE_LIMIT"  # GB, of the environment
@@ -48,7 +49,11 @@ def entries_in(out: Path) -> list[Entry]:
     """All that is kept in an output folder, least recently used first."""
     cache = out / CACHE
     found = []
-    for file in [*(cache / "results").glob("*/*.npz"), *(cache / FRAMES).glob("*.npz")]:
+    for file in [
+        *(cache / "results").glob("*/*.npz"),
+        *(cache / FRAMES).glob("*.npz"),
+        *(cache / FRAMES).glob(f"*{PLACE}"),
+    ]:
         try:
             stat = file.stat()
         except FileNotFoundError:  # another run has just taken it away

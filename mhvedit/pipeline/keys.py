@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 
 from mhvedit.geometry.arrays import IntArray
-from mhvedit.pipeline.contents import Contents
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.store import Key, hashed
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.sight import MutualSight
 from mhvedit.sequences.cache import VERSION as PARSERS
+from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.meshes import JointTracks, MeshSequence
 from mhvedit.volumes.parts import InBox, NearBones, NearTrack, OwnMesh, Part, WithLabel
 from mhvedit.volumes.subject import BODY

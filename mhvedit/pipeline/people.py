@@ -13,7 +13,7 @@ from mhvedit.geometry.planar import rotation
 from mhvedit.pipeline.store import Store, capture_signature
 from mhvedit.project.schema import SceneFile, SubjectSpec
 from mhvedit.project.subjects import Subject
-from mhvedit.sequences.areas import area_shares, bounds
+from mhvedit.sequences.areas import place_of
 from mhvedit.sequences.bodies import track_body
 from mhvedit.sequences.canonical import capture_from_canonical
 from mhvedit.sequences.facing import facing_from_tracks, facing_of_body
@@ -123,11 +123,10 @@ def place_in_plan(sequence: MeshSequence, *, workers: int) -> dict[str, FloatArr
 
 def _place(sequence: MeshSequence, number: int) -> tuple[FloatArray, FloatArray]:
     """Centre of area (2,) m and bounds (2, 3) m of one frame."""
-    mesh = sequence.mesh(number)
-    share, middles = area_shares(mesh)
-    if not share.any():
+    place = place_of(sequence.mesh(number)) if sequence.place is None else sequence.place(number)
+    if np.isnan(place[0]):
         raise CaptureError(f"{sequence.name}, frame {number}", "faces that have an area", "none that has")
-    return share @ middles[:, :2], np.array(bounds(mesh.vertices))
+    return place[:2], place[2:].reshape(2, 3)
 
 
 def _estimated(sequence: MeshSequence, facing: Facing | None, workers: int) -> dict[str, FloatArray]:

@@ -9,6 +9,7 @@ import numpy as np
 from mhvedit.errors import CaptureError, SceneError
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import wrap_angle
+from mhvedit.geometry.runs import byte_counts
 from mhvedit.optimise.quality import contact_penalty
 from mhvedit.pipeline.decided import decided
 from mhvedit.pipeline.ground import ground_clauses, ground_key
@@ -185,7 +186,7 @@ def group_of(
             "penalty": _penalties(stages, grid, cells),
             "n_regions": region.max(initial=-1) + 1,
             "reasons": np.array(found.reasons),
-            "counts": np.array([np.count_nonzero(found.reason == n) for n in range(len(found.reasons))]),
+            "counts": byte_counts(found.reason, len(found.reasons)),
         }
 
     return stages.store.arrays(stages.of_group, build, names=names)

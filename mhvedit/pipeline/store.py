@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.files import map_arrays, write_arrays
-from mhvedit.pipeline.contents import Contents, contents
+from mhvedit.sequences.contents import Contents, contents
 from mhvedit.sequences.meshes import MeshSequence
 
 LOG = logging.getLogger(__name__)

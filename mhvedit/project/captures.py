@@ -8,22 +8,24 @@ from mhvedit.project.schema import SceneFile, SegmentSpec, SubjectSpec
 from mhvedit.project.segment_keys import check_visible_frames
 from mhvedit.project.subjects import EYE, TARGET, Subject, missing_frames, only_joint, open_subject, some
 from mhvedit.project.values import dotted, shown
+from mhvedit.sequences.contents import Contents
 from mhvedit.volumes.parts import NearBones, NearTrack, OwnMesh, Part
 
 
-def open_subjects(scene: SceneFile, *, cache: Path | None) -> dict[str, Subject]:
+def open_subjects(scene: SceneFile, *, cache: Path | None, known: Contents | None = None) -> dict[str, Subject]:
     """Open all subjects of a scene, and check that they have the frames of its segments.
 
     Args:
         scene: from `load_scene`.
         cache: folder for converted meshes, or None for none.
+        known: hashes of files that are remembered.
 
     Raises:
         SceneError: a joint, bone or frame that the scene file names is not there.
         CaptureError: a file cannot be used.
         MissingLibrary: a USD stage, and usd-core is not installed.
     """
-    subjects = {name: open_subject(spec, cache=cache) for name, spec in scene.subjects.items()}
+    subjects = {name: open_subject(spec, cache=cache, known=known) for name, spec in scene.subjects.items()}
     check_frames(scene, subjects)
     return subjects
 

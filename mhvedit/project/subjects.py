@@ -1,7 +1,8 @@
 """Opens what a scene file names: the capture of a subject, its parts, facing, gaze and skeleton."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from mhvedit.project.schema import (
 )
 from mhvedit.project.values import dotted, listed, shown, suggestion
 from mhvedit.sequences.axes import to_metres_z_up
+from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.meshes import JointTracks, MeshSequence
 from mhvedit.sequences.read import open_capture
 from mhvedit.sequences.tracks import read_tracks
@@ -54,7 +56,7 @@ class Subject:
 Tracks = Mapping[FilePath, JointTracks]
 
 
-def open_subject(spec: SubjectSpec, *, cache: Path | None) -> Subject:
+def open_subject(spec: SubjectSpec, *, cache: Path | None, known: Contents | None = None) -> Subject:
     """Open the files of one subject; meshes are read later, one by one.
 
     Lengths that stand in the scene file are metres, whatever the capture's units: a part's `radius`, and a box's
@@ -66,19 +68,21 @@ def open_subject(spec: SubjectSpec, *, cache: Path | None) -> Subject:
     Args:
         spec: from `load_scene`.
         cache: folder for converted meshes, or None for none.
+        known: hashes of files that are remembered.
 
     Raises:
         SceneError: a joint, bone or frame that the scene file names is not there.
         CaptureError: a file cannot be used.
         MissingLibrary: a USD stage, and usd-core is not installed.
     """
-    whole = open_capture(spec.path.path, name=spec.name, fps=spec.fps, units=spec.units, up=spec.up, cache=cache)
+    reading = partial(open_capture, units=spec.units, up=spec.up, cache=cache, known=known)
+    whole = reading(spec.path.path, name=spec.name, fps=spec.fps)
     sequence = _cut(whole, spec)
     tracks = {file: read_tracks(file.path, units=spec.units, up=spec.up) for file in _track_files(spec)}
     skeleton = None if spec.skeleton is None else read_bvh(spec.skeleton.path, units=spec.units, up=spec.up)
     parts: dict[str, Part] = {BODY: WholeBody()}
     for name, part in spec.parts.items():
-        parts[name] = _part(part, name, spec, sequence=sequence, tracks=tracks, skeleton=skeleton, cache=cache)
+        parts[name] = _part(part, name, spec, sequence=sequence, tracks=tracks, skeleton=skeleton, reading=reading)
     return Subject(
         name=spec.name,
         sequence=sequence,
@@ -144,7 +148,7 @@ def _part(
     sequence: MeshSequence,
     tracks: Tracks,
     skeleton: BvhMotion | None,
-    cache: Path | None,
+    reading: Callable[..., MeshSequence],
 ) -> Part:
     """An interest volume."""
     match part:
@@ -153,10 +157,7 @@ def _part(
             _check_known(part.joints, known.joints, spec, f"{dotted(f'{spec.key}.parts', name)}.joint")
             return NearTrack(known, part.joints, part.radius)
         case OwnMeshSpec():
-            own = f"{spec.name}.{name}"
-            return OwnMesh(
-                open_capture(part.path.path, name=own, fps=sequence.fps, units=spec.units, up=spec.up, cache=cache)
-            )
+            return OwnMesh(reading(part.path.path, name=f"{spec.name}.{name}", fps=sequence.fps))
         case InBoxSpec():
             centre, size = np.array(part.centre), np.array(part.size)
             return InBox(

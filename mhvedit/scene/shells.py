@@ -20,6 +20,7 @@ from mhvedit.sequences.meshes import Mesh
 
 SPACING: Final = 0.03  # m
 CELL: Final = 0.04  # m
+MOST_CELLS: Final = 1 << 24  # of a box that is marked cell by cell
 Float32Array = NDArray[np.float32]
 
 
@@ -49,8 +50,17 @@ def shell_of(mesh: Mesh) -> Float32Array:
     """(K, 3) m, points all over a mesh."""
     extra, _ = points_of_large_faces(mesh.vertices, mesh.faces, spacing=SPACING)
     points = np.concatenate([mesh.vertices, extra])
-    _, first = np.unique(np.floor(points / SPACING).astype(np.int64) @ (1 << np.array([42, 21, 0])), return_index=True)
-    return np.asarray(points[np.sort(first)], np.float32)
+    return np.asarray(points[_first_of_cells(np.floor(points / SPACING).astype(np.int64))], np.float32)
+
+
+def _first_of_cells(cells: IntArray) -> IntArray:
+    """Which rows of (N, 3) are the first of their kind, ascending."""
+    low, high = _limits(cells)
+    shape = high - low + 1
+    if np.prod(shape.astype(np.float64)) <= MOST_CELLS:
+        return np.asarray(_unseen(cells, low, shape))
+    _, first = np.unique(cells @ (1 << np.array([42, 21, 0])), return_index=True)
+    return np.sort(first)
 
 
 def stacked(shells: Sequence[Float32Array]) -> Shells:
@@ -99,6 +109,28 @@ def touching(
             first,
         )
     )
+
+
+@njit(cache=True, nogil=True)
+def _limits(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """The smallest and the largest of (N, 3)."""
+    low, high = cells[0].copy(), cells[0].copy()
+    for n in range(1, cells.shape[0]):
+        for c in range(3):
+            low[c], high[c] = min(low[c], cells[n, c]), max(high[c], cells[n, c])
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def _unseen(cells: IntArray, low: IntArray, shape: IntArray) -> IntArray:
+    """Rows whose cell of a box no earlier row has."""
+    seen, rows, n = np.zeros(shape[0] * shape[1] * shape[2], np.bool_), np.empty(cells.shape[0], np.int64), 0
+    for row in range(cells.shape[0]):
+        at = ((cells[row, 0] - low[0]) * shape[1] + cells[row, 1] - low[1]) * shape[2] + cells[row, 2] - low[2]
+        if not seen[at]:
+            seen[at], rows[n] = True, row
+            n += 1
+    return rows[:n]
 
 
 @njit(cache=True, nogil=True)

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 
 from mhvedit.errors import MissingLibrary
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
@@ -127,25 +128,17 @@ def points_of_large_faces(vertices: FloatArray, faces: Int32Array, *, spacing: f
     Returns:
         (N, 3) m, and (N,) the corner nearest in the face's own coordinates.
     """
-    maybe = np.flatnonzero(_longest_squared(vertices, faces) > (LARGE * (1 - TIE)) ** 2)
-    faces = faces[maybe]
+    faces = faces[_beyond(vertices, faces, (LARGE * (1 - TIE)) ** 2)]
     corners = vertices[faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+    longest = _longest(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
     of = np.flatnonzero(longest > LARGE)
     finest = np.maximum(spacing, longest / FINEST)
     weights = np.tile(np.eye(3), (len(of), 1, 1))  # (T, 3, 3) corners of the pieces in coordinates of their face
     points, owners = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     while len(of):
-        placed = weights @ corners[of]
-        sides = np.linalg.norm(np.roll(placed, -1, axis=1) - placed, axis=2)  # side i leads from corner i to the next
-        longest = sides.max(1)
-        split = np.flatnonzero(longest > finest[of] * (1 + TIE))
-        side = (sides >= longest[:, None] * (1 - TIE)).argmax(1)[split]
-        of, weights = of[split], weights[split]
-        weights, middle = _halves(weights, side)
-        points.append(np.einsum("tc,tci->ti", middle, corners[of]))
-        owners.append(faces[of, middle.argmax(1)].astype(np.int64))
-        of = np.concatenate([of, of])
+        of, weights, middles, nearest = _halved(of, weights, corners, finest * (1 + TIE))
+        points.append(middles)
+        owners.append(faces[of[: len(middles)], nearest].astype(np.int64))
     return np.concatenate(points), np.concatenate(owners)
 
 
@@ -219,17 +212,6 @@ def clearance(a: Surface, b: Surface, *, reach: float) -> Clearance:
 def boxes_apart(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray) -> float:
     """Distance between two boxes given by their corners, m; 0 where they overlap."""
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(low_a - high_b, low_b - high_a))))
-
-
-def _halves(weights: FloatArray, side: IntArray) -> tuple[FloatArray, FloatArray]:
-    """(2T, 3, 3) both halves of triangles cut from the middle of a side to the corner across; (T, 3) those middles."""
-    rows = np.arange(len(weights))
-    start, end = weights[rows, side], weights[rows, (side + 1) % 3]
-    middle = (start + end) / 2
-    first, second = weights.copy(), weights.copy()
-    first[rows, (side + 1) % 3] = middle
-    second[rows, side] = middle
-    return np.concatenate([first, second]), np.asarray(middle)
 
 
 def _crossings(surface: Surface, points: FloatArray) -> IntArray:
@@ -355,7 +337,73 @@ def _squared(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2)
 
 
-def _longest_squared(vertices: FloatArray, faces: Int32Array) -> FloatArray:
-    """(F,) square of each face's longest edge, m^2."""
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    return np.asarray(np.maximum(np.maximum(_squared(a - b), _squared(b - c)), _squared(c - a)))
+def _longest(sides: FloatArray) -> FloatArray:
+    """(F,) the largest of (F, 3)."""
+    return np.asarray(np.maximum(np.maximum(sides[:, 0], sides[:, 1]), sides[:, 2]))
+
+
+@njit(cache=True, nogil=True)
+def _beyond(vertices: FloatArray, faces: Int32Array, squared: float) -> BoolArray:
+    """(F,) faces with an edge the square of which is more, m^2."""
+    out = np.zeros(faces.shape[0], np.bool_)
+    for f in range(faces.shape[0]):
+        for e in range(3):
+            a, b = faces[f, e], faces[f, (e + 1) % 3]
+            x, y, z = vertices[a, 0] - vertices[b, 0], vertices[a, 1] - vertices[b, 1], vertices[a, 2] - vertices[b, 2]
+            out[f] |= x * x + y * y + z * z > squared
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _halved(
+    of: IntArray, weights: FloatArray, corners: FloatArray, finest: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Cut triangles whose longest side is too long from its middle to the corner across.
+
+    Args:
+        of: (T,) the face that each is a piece of.
+        weights: (T, 3, 3) corners in coordinates of their face.
+        corners: (F, 3, 3) m, of the faces.
+        finest: (F,) m, sides of this length are left.
+
+    Returns:
+        (2N,) faces and (2N, 3, 3) weights of the halves, all first ones first; (N, 3) m, the middles; (N,) the corner
+        of the face that each is nearest to.
+    """
+    side, n = np.full(of.shape[0], -1), 0
+    for t in range(of.shape[0]):
+        sides = _sides(weights[t], corners[of[t]])
+        longest = max(sides[0], sides[1], sides[2])
+        if longest > finest[of[t]]:
+            n += 1
+            for k in range(2, -1, -1):  # the first of those that are equally long
+                if sides[k] >= longest * (1 - TIE):
+                    side[t] = k
+    faces, halves = np.empty(2 * n, np.int64), np.empty((2 * n, 3, 3))
+    middles, nearest, at = np.zeros((n, 3)), np.empty(n, np.int64), 0
+    for t in range(of.shape[0]):
+        if side[t] < 0:
+            continue
+        after = (side[t] + 1) % 3
+        middle = (weights[t, side[t]] + weights[t, after]) / 2
+        faces[at], faces[at + n] = of[t], of[t]
+        halves[at], halves[at + n] = weights[t], weights[t]
+        halves[at, after], halves[at + n, side[t]] = middle, middle
+        nearest[at] = middle.argmax()
+        for c in range(3):
+            middles[at] += middle[c] * corners[of[t], c]
+        at += 1
+    return faces, halves, middles, nearest
+
+
+@njit(cache=True, nogil=True)
+def _sides(weights: FloatArray, corners: FloatArray) -> FloatArray:
+    """(3,) m, sides of a piece of a face; side i leads from corner i to the next."""
+    out = np.zeros(3)
+    for k in range(3):
+        for axis in range(3):
+            step = 0.0
+            for c in range(3):
+                step += (weights[(k + 1) % 3, c] - weights[k, c]) * corners[c, axis]
+            out[k] += step * step
+    return np.sqrt(out)

@@ -1,19 +1,16 @@
 """Solution groups: every accepted pose of a segment, as the paper names it and as a transform, with its region."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from mhvedit.geometry.distance import distance_to_outside
+from mhvedit.geometry.distance import distance_in_runs, distance_to_outside
 from mhvedit.geometry.planar import rotation
+from mhvedit.geometry.runs import runs_along_rows
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import ReasonMap
-
-THREADS = 2
-PORTIONS = 16  # in which a map is handed to the threads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,11 +53,12 @@ def located_solutions(found: ReasonMap, *, lever: float) -> tuple[IntArray, Int3
         (S,) cells of the flattened grid, ascending; (S,) region, (S,) clearance as in `SolutionGroup`.
     """
     accepted = found.accepted
-    runs, starts = _runs(accepted)
+    runs, starts = runs_along_rows(accepted)
     region = _numbered(runs, _joined(runs, starts, accepted.shape))
     yaw_step = 2 * np.pi / found.grid.n_yaw * lever
     cells = _cells_of_runs(runs, starts, accepted.shape[2])
-    return cells, region, clearances(accepted, step=found.grid.step, yaw_step=yaw_step)
+    spacing = (found.grid.step, found.grid.step, yaw_step)
+    return cells, region, distance_in_runs(runs, starts, accepted.shape, spacing=spacing)
 
 
 def described(
@@ -91,7 +89,7 @@ def connected_regions(accepted: BoolArray) -> Int32Array:
     Returns:
         (S,) region of each accepted cell, in the order of `np.argwhere`.
     """
-    runs, starts = _runs(accepted)
+    runs, starts = runs_along_rows(accepted)
     return _numbered(runs, _joined(runs, starts, accepted.shape))
 
 
@@ -107,41 +105,6 @@ def clearances(accepted: BoolArray, *, step: float, yaw_step: float) -> FloatArr
         (S,) m, in the order of `np.argwhere`.
     """
     return distance_to_outside(accepted, spacing=(step, step, yaw_step))
-
-
-def _runs(accepted: BoolArray) -> tuple[IntArray, IntArray]:
-    """Runs of accepted cells along yaw: (R, 2) start and stop, and (X * Y + 1,) where those of each row start."""
-    with ThreadPoolExecutor(THREADS) as pool:
-        parts = list(pool.map(_runs_of_planes, np.array_split(accepted, min(len(accepted), PORTIONS))))
-    starts = np.concatenate([[0], np.cumsum(np.concatenate([count for _, count in parts]))])
-    return np.concatenate([run for run, _ in parts]), starts
-
-
-@njit(cache=True, nogil=True)
-def _runs_of_planes(accepted: BoolArray) -> tuple[IntArray, IntArray]:
-    """Runs of some planes, and how many each row has."""
-    n_x, n_y, n_z = accepted.shape
-    count = np.zeros(n_x * n_y, np.int64)
-    for x in range(n_x):
-        for y in range(n_y):
-            before, total = False, 0
-            for z in range(n_z):
-                total += accepted[x, y, z] and not before
-                before = accepted[x, y, z]
-            count[x * n_y + y] = total
-    runs = np.empty((count.sum(), 2), np.int64)
-    at = 0
-    for x in range(n_x):
-        for y in range(n_y):
-            if count[x * n_y + y] == 0:
-                continue
-            for z in range(n_z):
-                if accepted[x, y, z]:
-                    if z == 0 or not accepted[x, y, z - 1]:
-                        runs[at, 0] = z
-                        at += 1
-                    runs[at - 1, 1] = z + 1
-    return runs, count
 
 
 @njit(cache=True, nogil=True)

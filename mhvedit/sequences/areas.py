@@ -22,6 +22,20 @@ def area_shares(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     return (areas / total if total > 0 else np.zeros(len(areas))), middles
 
 
+def place_of(mesh: Mesh) -> FloatArray:
+    """Where a mesh is.
+
+    Args:
+        mesh: one frame.
+
+    Returns:
+        (8,) m: its centre of area in plan, NaN where it has no area; its lowest and its highest coordinates.
+    """
+    share, middles = area_shares(mesh)
+    centre = share @ middles[:, :2] if share.any() else np.full(2, np.nan)
+    return np.concatenate([centre, *bounds(mesh.vertices)])
+
+
 @njit(cache=True, nogil=True)
 def bounds(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest coordinates.

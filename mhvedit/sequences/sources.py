@@ -1,23 +1,19 @@
 """Where frames come from: a folder of numbered files or one .npz; frame numbers are known before meshes are read."""
 
-import hashlib
 import re
 import threading
-import time
 import zipfile
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import IntArray
+from mhvedit.sequences.contents import Contents, hash_of_bytes
 from mhvedit.sequences.formats import PARSERS, parse_mesh
 from mhvedit.sequences.raw import RawMesh, checked_mesh
-
-SETTLED: Final = 2_000_000_000  # ns; a file that changed so recently may change again without another time of change
-_Stamp = tuple[int, int, int, int]  # size, times of change of content and of the file (ns), inode
 
 
 class FrameSource(Protocol):
@@ -47,43 +43,41 @@ class FolderSource:
 
     fps = None
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, known: Contents | None = None) -> None:
+        """Look through a folder; `known`: hashes that are remembered, for others to share."""
         self._by_number = numbered_files(folder)
-        self._known = dict[int, tuple[_Stamp, str]]()
+        self._known = Contents(None) if known is None else known
         self.numbers = tuple(self._by_number)
         self.files = tuple(self._by_number.values())
 
-    def opened(self, number: int) -> tuple[str, bytes | None]:
-        """A hash of the file's content and format, and the content if it was read for that."""
-        try:
-            stat = self._by_number[number].stat()
-        except OSError as error:
-            raise CaptureError(self._by_number[number], "a file that can be read", str(error.strerror)) from error
-        stamp = (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
-        known = self._known.get(number)
-        if known is not None and known[0] == stamp:
-            return known[1], None
-        identity, data = self._read(number)
-        if time.time_ns() - max(stat.st_mtime_ns, stat.st_ctime_ns) > SETTLED:
-            self._known[number] = stamp, identity
-        return identity, data
+    def opened(self, number: int) -> tuple[str, tuple[str, bytes | None]]:
+        """A hash of the file's content and format; and the hash, with the content if it was read for that."""
+        hashed = self._hashed(number)
+        return f"{self._by_number[number].suffix.lower()}:{hashed[0]}", hashed
 
-    def parsed(self, number: int, opened: bytes | None) -> RawMesh:
+    def parsed(self, number: int, opened: tuple[str, bytes | None]) -> RawMesh:
         """The mesh of one file."""
-        if opened is None:
-            identity, opened = self._read(number)
-            if identity != self._known[number][1]:
-                raise CaptureError(self._by_number[number], "a file that stays as it is while it is read", "a change")
-        return parse_mesh(opened, self._by_number[number])
+        identity, data = opened
+        file = self._by_number[number]
+        if data is None:
+            data = self._read(number)
+            if hash_of_bytes(data) != identity:
+                raise CaptureError(file, "a file that stays as it is while it is read", "a change")
+        return parse_mesh(data, file)
 
-    def _read(self, number: int) -> tuple[str, bytes]:
-        """Hash and content."""
+    def _hashed(self, number: int) -> tuple[str, bytes | None]:
         file = self._by_number[number]
         try:
-            data = file.read_bytes()
+            return self._known.hash_of(file)
         except OSError as error:
             raise CaptureError(file, "a file that can be read", str(error.strerror)) from error
-        return f"{file.suffix.lower()}:{hashlib.blake2b(data, digest_size=20).hexdigest()}", data
+
+    def _read(self, number: int) -> bytes:
+        file = self._by_number[number]
+        try:
+            return file.read_bytes()
+        except OSError as error:
+            raise CaptureError(file, "a file that can be read", str(error.strerror)) from error
 
 
 def numbered_files(folder: Path) -> dict[int, Path]:

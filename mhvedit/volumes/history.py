@@ -39,25 +39,28 @@ class MotionHistoryVolume:
     @property
     def filled(self) -> BoolArray:
         """(X, Y, Z) voxels that are filled in some frame."""
-        return np.asarray((self.frames != 0).any(-1))
+        found = self.frames[..., 0] != 0
+        for word in range(1, self.frames.shape[-1]):
+            found |= self.frames[..., word] != 0
+        return np.asarray(found)
 
     @property
     def t_start(self) -> Int32Array:
         """(X, Y, Z) first frame in which each voxel is filled; NEVER where there is none."""
-        return np.asarray(_first_bits(self.frames))
+        return np.asarray(_first_bits(_rows(self.frames))).reshape(self.grid.shape)
 
     @property
     def t_end(self) -> Int32Array:
         """(X, Y, Z) last frame in which each voxel is filled; NEVER where there is none."""
-        return np.asarray(_last_bits(self.frames))
+        return np.asarray(_last_bits(_rows(self.frames))).reshape(self.grid.shape)
 
     @property
     def centre(self) -> FloatArray:
         """(3,) centre of gravity of all voxels that are ever filled, m (Shi et al., section 3.1: C)."""
-        where = np.argwhere(self.filled)
-        if len(where) == 0:
+        sums, counts = _frame_sums(self.filled.astype(np.uint64)[..., None], 1)
+        if counts[0] == 0:
             return np.full(3, np.nan)
-        return np.asarray((where.mean(0) + np.array(self.grid.start)) * self.grid.pitch)
+        return np.asarray((sums[0] / counts[0] + np.array(self.grid.start)) * self.grid.pitch)
 
     def at(self, frame: int) -> BoolArray:
         """(X, Y, Z) voxels that are filled in one frame."""
@@ -90,11 +93,12 @@ def history(volumes: Sequence[tuple[VoxelGrid, BoolArray]]) -> MotionHistoryVolu
         The volume, on the smallest box around everything that is ever filled.
     """
     boxes = [cropped(filled, grid) for grid, filled in volumes]
-    occupied = [box for box, (_, filled) in zip(boxes, volumes, strict=True) if filled.any()]
+    some = [bool(filled[box.slices_in(grid)].any()) for box, (grid, filled) in zip(boxes, volumes, strict=True)]
+    occupied = [box for box, there in zip(boxes, some, strict=True) if there]
     grid = united(occupied or boxes[:1])
     frames = np.zeros((*grid.shape, word_count(len(volumes))), np.uint64)
     for i, (box, (outer, filled)) in enumerate(zip(boxes, volumes, strict=True)):
-        if filled.any():
+        if some[i]:
             inside = filled[box.slices_in(outer)].view(np.uint8)
             _set_bit(frames[box.slices_in(grid)], inside, i // 64, np.uint64(1) << np.uint64(i % 64))
     return MotionHistoryVolume(grid, frames, len(volumes))
@@ -201,32 +205,38 @@ def _set_bit(frames: Words, filled: ByteArray, word: int, bit: np.uint64) -> Non
                         frames[x, y, z, word] |= bit
 
 
+def _rows(frames: Words) -> Words:
+    """(N, W) the words of all voxels."""
+    return np.ascontiguousarray(frames).reshape(-1, frames.shape[-1])
+
+
 @njit(cache=True, nogil=True)
 def _first_bits(frames: Words) -> Int32Array:
-    out = np.full(frames.shape[:3], -1, np.int32)
-    for x, y, z in np.ndindex(frames.shape[:3]):
-        for w in range(frames.shape[3]):
-            word = frames[x, y, z, w]
+    out = np.full(frames.shape[0], -1, np.int32)
+    for n in range(frames.shape[0]):
+        for w in range(frames.shape[1]):
+            word = frames[n, w]
             if word != 0:
                 bit = 0
                 while not (word >> np.uint64(bit)) & np.uint64(1):
                     bit += 1
-                out[x, y, z] = 64 * w + bit
+                out[n] = 64 * w + bit
                 break
     return out
 
 
 @njit(cache=True, nogil=True)
 def _last_bits(frames: Words) -> Int32Array:
-    out = np.full(frames.shape[:3], -1, np.int32)
-    for x, y, z in np.ndindex(frames.shape[:3]):
-        for w in range(frames.shape[3] - 1, -1, -1):
-            word = frames[x, y, z, w]
+    out = np.full(frames.shape[0], -1, np.int32)
+    for n in range(frames.shape[0]):
+        for w in range(frames.shape[1] - 1, -1, -1):
+            word = frames[n, w]
             if word != 0:
-                bit = 63
-                while not (word >> np.uint64(bit)) & np.uint64(1):
-                    bit -= 1
-                out[x, y, z] = 64 * w + bit
+                bit = -1
+                while word != 0:
+                    word >>= np.uint64(1)
+                    bit += 1
+                out[n] = 64 * w + bit
                 break
     return out
 
@@ -279,15 +289,18 @@ def _shrink(frames: Words, offsets: IntArray) -> Words:
 def _frame_sums(frames: Words, n_frames: int) -> tuple[FloatArray, IntArray]:
     """(tau, 3) sums of the lattice places of what is filled in each frame, exact, and (tau,) how many there are."""
     sums, counts = np.zeros((n_frames, 3)), np.zeros(n_frames, np.int64)
-    for x, y, z in np.ndindex(frames.shape[:3]):
-        for w in range(frames.shape[3]):
-            word, frame = frames[x, y, z, w], 64 * w
-            while word != 0:
-                if word & np.uint64(1):
-                    counts[frame] += 1
-                    sums[frame, 0] += x
-                    sums[frame, 1] += y
-                    sums[frame, 2] += z
-                word >>= np.uint64(1)
-                frame += 1
+    n_x, n_y, n_z, n_words = frames.shape
+    for x in range(n_x):
+        for y in range(n_y):
+            for z in range(n_z):
+                for w in range(n_words):
+                    word, frame = frames[x, y, z, w], 64 * w
+                    while word != 0:
+                        if word & np.uint64(1):
+                            counts[frame] += 1
+                            sums[frame, 0] += x
+                            sums[frame, 1] += y
+                            sums[frame, 2] += z
+                        word >>= np.uint64(1)
+                        frame += 1
     return sums, counts

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.closed import has_no_boundary
 from mhvedit.geometry.grid import VoxelGrid, grid_around
 from mhvedit.sequences.areas import bounds
 from mhvedit.sequences.meshes import Mesh
@@ -48,15 +49,6 @@ def solid_voxels(mesh: Mesh, pitch: float) -> tuple[VoxelGrid, BoolArray]:
     return grid, votes >= VOTES_NEEDED
 
 
-def has_no_boundary(faces: Int32Array) -> bool:
-    """Whether every edge is run through equally often in both directions.
-
-    The boundary chain of the mesh is summed with a 64-bit pseudo-random weight per edge: it is zero for every closed
-    mesh, and for an open one with a chance of 2^-64.
-    """
-    return bool(_boundary_sum(faces) == 0)
-
-
 def ray_votes(scaled: FloatArray, faces: Int32Array, shape: tuple[int, int, int], *, axis: int) -> ByteArray:
     """How many of the two rays along an axis (up and down) see each voxel's centre inside.
 
@@ -84,26 +76,6 @@ def _add_votes(points: IntArray, faces: Int32Array, votes: ByteArray, *, axis: i
     order = np.array([(axis + 1) % 3, (axis + 2) % 3, axis])
     shape, steps = np.array(votes.shape)[order], np.array(votes.strides)[order]
     _cast(points, faces, order, shape, steps, votes.reshape(-1))
-
-
-@njit(cache=True, nogil=True)
-def _boundary_sum(faces: Int32Array) -> np.uint64:
-    total = np.uint64(0)
-    for f in range(faces.shape[0]):
-        for e in range(3):
-            a, b = faces[f, e], faces[f, (e + 1) % 3]
-            if a == b:
-                continue
-            low, high = np.uint64(min(a, b)), np.uint64(max(a, b))
-            mixed = (low << np.uint64(32)) | high
-            mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            mixed ^= mixed >> np.uint64(31)
-            if a < b:
-                total += mixed
-            else:
-                total -= mixed
-    return total
 
 
 @njit(cache=True, nogil=True)

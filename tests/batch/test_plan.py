@@ -4,8 +4,8 @@ import pytest
 
 from mhvedit.batch.plan import scene_tasks
 from mhvedit.batch.records import Inputs
-from mhvedit.pipeline.contents import contents
 from mhvedit.project.scene_file import load_scene
+from mhvedit.sequences.contents import contents
 from tests.pipeline.toy import write_scene
 
 

@@ -3,8 +3,10 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
 
-from mhvedit.geometry.runs import run_lengths
+from mhvedit.geometry.arrays import BoolArray
+from mhvedit.geometry.runs import byte_counts, run_lengths, runs_along_rows
 
 
 @given(st.lists(st.tuples(st.integers(0, 255), st.integers(1, 300)), max_size=12))
@@ -14,3 +16,20 @@ def test_runs_give_back_what_they_were_made_of(parts: list[tuple[int, int]]) -> 
     np.testing.assert_array_equal(np.repeat(of_run, lengths), values)
     assert (lengths > 0).all()
     assert (of_run[1:] != of_run[:-1]).all()  # none could be longer
+
+
+@given(st.lists(st.integers(0, 255), max_size=30))
+def test_bytes_are_counted(values: list[int]) -> None:
+    found = byte_counts(np.array(values, np.uint8), 200)
+    assert found.tolist() == [values.count(kind) for kind in range(200)]
+
+
+@given(st_numpy.arrays(np.bool_, st_numpy.array_shapes(min_dims=3, max_dims=3, max_side=7)))
+def test_runs_along_rows_hold_the_cells_of_a_set(inside: BoolArray) -> None:
+    runs, starts = runs_along_rows(inside)
+    again = np.zeros_like(inside).reshape(-1, inside.shape[2])
+    for row in range(len(again)):
+        for low, high in runs[starts[row] : starts[row + 1]]:
+            again[row, low:high] = True
+    np.testing.assert_array_equal(again.reshape(inside.shape), inside)
+    assert starts[-1] == len(runs) == np.diff(inside.astype(int), axis=2, prepend=0).clip(0).sum()

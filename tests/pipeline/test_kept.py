@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mhvedit.pipeline.contents import contents
 from mhvedit.pipeline.kept import GB, VARIABLE, entries_in, trim
 from mhvedit.pipeline.packing import packed, unpacked
 from mhvedit.pipeline.run import Outcome, run_scene
+from mhvedit.sequences.contents import contents
 from tests.pipeline.toy import Ran, files_of, write_scene
 
 Command = Callable[..., Ran]

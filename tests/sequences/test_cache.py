@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mhvedit.sequences.cache import cached_mesh
+from mhvedit.sequences.cache import cached_mesh, cached_place
 from mhvedit.sequences.raw import RawMesh
 
 MESH = RawMesh(np.random.default_rng(1).random((50, 3)), np.arange(48, dtype=np.int32).reshape(-1, 3))
@@ -84,7 +84,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "savez", full)
+    monkeypatch.setattr("mhvedit.sequences.cache.write_arrays", full)
     assert same(cached_mesh(tmp_path, "k", lambda: MESH), MESH)
     assert not list(tmp_path.iterdir())
 
@@ -93,7 +93,7 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, "savez", stopped)
+    monkeypatch.setattr("mhvedit.sequences.cache.write_arrays", stopped)
     with pytest.raises(KeyboardInterrupt):
         cached_mesh(tmp_path, "k", lambda: MESH)
     assert not list(tmp_path.iterdir())
@@ -102,3 +102,30 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_errors_of_the_reader_pass_through(tmp_path: Path) -> None:
     with pytest.raises(AssertionError):
         cached_mesh(tmp_path, "k", never)
+
+
+PLACE = np.array([0.1, -0.0, 1e-300, 3.0, -7.5, 2.0, 1 / 3, np.nan])
+
+
+def test_a_place_is_measured_once(tmp_path: Path) -> None:
+    first = cached_place(tmp_path / "new", "k", lambda: PLACE)
+    again = cached_place(tmp_path / "new", "k", lambda: np.zeros(8))
+    assert first.tobytes() == again.tobytes() == PLACE.tobytes()
+
+
+@pytest.mark.parametrize("at", [0, 40, 63, 64, 79])
+def test_every_bit_of_a_place_is_guarded(tmp_path: Path, at: int) -> None:
+    cached_place(tmp_path, "k", lambda: PLACE)
+    file = tmp_path / "k.place"
+    data = bytearray(file.read_bytes())
+    data[at] ^= 4
+    for damaged in (data, data[:at]):
+        file.write_bytes(damaged)
+        assert cached_place(tmp_path, "k", lambda: np.zeros(8)).tolist() == [0.0] * 8
+        file.write_bytes(damaged)
+
+
+def test_a_place_that_cannot_be_kept(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "blocked").write_text("a file where the folder should be")
+    assert cached_place(tmp_path / "blocked", "k", lambda: PLACE).tobytes() == PLACE.tobytes()
+    assert "cannot be written" in caplog.text

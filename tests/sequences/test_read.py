@@ -9,6 +9,7 @@ import trimesh
 
 from mhvedit.errors import CaptureError, MissingFrame
 from mhvedit.sequences import read
+from mhvedit.sequences.areas import place_of
 from mhvedit.sequences.formats import PARSERS
 from mhvedit.sequences.read import open_capture
 
@@ -122,3 +123,17 @@ def test_what_is_no_capture(tmp_path: Path, name: str, found: str) -> None:
 def test_unknown_units(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="expected units of m, cm, mm and up of x, y, z, found 'inch' and 'z'"):
         open_capture(written(tmp_path / "a"), name="a", units="inch")
+
+
+def test_where_a_frame_is_comes_from_beside_it(tmp_path: Path) -> None:
+    folder, cache = written(tmp_path / "a"), tmp_path / "cache"
+    for units, up in (("m", "z"), ("cm", "y")):
+        capture = open_capture(folder, name="a", units=units, up=up, cache=cache)
+        assert capture.place is not None
+        number = capture.numbers[0]
+        first = capture.place(number)
+        assert first.tobytes() == place_of(capture.mesh(number)).tobytes()
+        for file in cache.glob("*.npz"):
+            file.unlink()
+        assert capture.place(number).tobytes() == first.tobytes() and not list(cache.glob("*.npz"))
+    assert open_capture(folder, name="a").place is None

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mhvedit.errors import CaptureError
+from mhvedit.sequences.contents import contents
 from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.sources import FolderSource, FrameSource, NpzSource
 
@@ -50,30 +51,44 @@ def test_nothing_is_read_before_a_frame_is_asked_for(tmp_path: Path) -> None:
 
 def test_a_file_is_hashed_again_only_if_it_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = FolderSource(folder(tmp_path, "a_1.obj"))
-    monkeypatch.setattr("mhvedit.sequences.sources.SETTLED", -1)
+    monkeypatch.setattr("mhvedit.sequences.contents.SETTLED", -1)
     first, read = source.opened(1)
     again, kept = source.opened(1)
-    assert (first, read, kept) == (again, TRIANGLE.encode(), None)
+    assert (first, read[1], kept[1]) == (again, TRIANGLE.encode(), None)
     assert len(source.parsed(1, kept).faces) == 1
     file, moved = tmp_path / "a_1.obj", TRIANGLE.replace("1 0 0", "2 0 0")
     stat = file.stat()
     file.write_text(moved)  # the same size, and below the same time of change
     os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
     changed, read = source.opened(1)
-    assert changed != first and read == moved.encode()
+    assert changed != first and read[1] == moved.encode()
+
+
+def test_a_file_that_another_run_has_hashed_is_not_hashed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mhvedit.sequences.contents.SETTLED", -1)
+    known = contents(tmp_path / "memory.json")
+    (tmp_path / "c").mkdir()
+    first, (_, read) = FolderSource(folder(tmp_path / "c", "a_1.obj"), known).opened(1)
+    known.save()
+    source = FolderSource(tmp_path / "c", contents(tmp_path / "memory.json"))
+    again, (_, unread) = source.opened(1)
+    assert read is not None and unread is None and again == first
+    assert len(source.parsed(1, source.opened(1)[1]).faces) == 1
 
 
 def test_a_file_of_just_now_is_hashed_every_time(tmp_path: Path) -> None:
     """It may change again without another time of change."""
     source = FolderSource(folder(tmp_path, "a_1.obj"))
-    assert [source.opened(1)[1] for _ in range(2)] == [TRIANGLE.encode()] * 2
+    assert [source.opened(1)[1][1] for _ in range(2)] == [TRIANGLE.encode()] * 2
 
 
 def test_a_change_between_looking_and_reading_is_not_taken_for_the_old_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = FolderSource(folder(tmp_path, "a_1.obj"))
-    monkeypatch.setattr("mhvedit.sequences.sources.SETTLED", -1)
+    monkeypatch.setattr("mhvedit.sequences.contents.SETTLED", -1)
     source.opened(1)
     _, kept = source.opened(1)
     (tmp_path / "a_1.obj").write_text(TRIANGLE + "# more\n")

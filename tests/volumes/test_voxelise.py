@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.closed import has_no_boundary
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.sequences.meshes import Mesh
-from mhvedit.volumes.voxelise import SNAP, has_no_boundary, ray_votes, solid_voxels
+from mhvedit.volumes.voxelise import SNAP, ray_votes, solid_voxels
 from tests import oracles
 from tests.oracles import Voxel
 

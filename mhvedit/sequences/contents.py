@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -41,19 +42,27 @@ class Contents:
                 beside.write_text(json.dumps(self.known))
             self.fresh.clear()
 
-    def _of(self, file: Path) -> tuple[str, object]:
-        stat = file.stat()
-        stamp = (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
-        if self.memory is None:
-            return str(file), stamp
+    def hash_of(self, file: Path) -> tuple[str, bytes | None]:
+        """The hash of one file, and its content if it was read for that.
+
+        Raises:
+            OSError: it cannot be read.
+        """
+        stat, stamp = _stamped(file)
         place = str(file.absolute())
-        known = self.known.get(place)
+        known, data = self.known.get(place), None
         if known is None or known[0] != stamp:
-            known = stamp, hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest()
+            data = file.read_bytes()
+            known = stamp, hash_of_bytes(data)
             if time.time_ns() - max(stat.st_mtime_ns, stat.st_ctime_ns) > SETTLED:
                 self.known[place] = known
                 self.fresh.add(place)
-        return file.suffix.lower(), known[1]
+        return known[1], data
+
+    def _of(self, file: Path) -> tuple[str, object]:
+        if self.memory is None:
+            return str(file), _stamped(file)[1]
+        return file.suffix.lower(), self.hash_of(file)[0]
 
 
 def contents(memory: Path | None) -> Contents:
@@ -70,5 +79,16 @@ def contents(memory: Path | None) -> Contents:
     return Contents(memory, known)
 
 
+def hash_of_bytes(data: bytes) -> str:
+    """The hash of a file that holds these bytes."""
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
 def _stamp(size: int, mtime: int, ctime: int, inode: int) -> Stamp:
     return int(size), int(mtime), int(ctime), int(inode)
+
+
+def _stamped(file: Path) -> tuple[os.stat_result, Stamp]:
+    """What the system says of a file, and what of that tells whether it has changed."""
+    stat = file.stat()
+    return stat, (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
