@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.pipeline.people import Person
@@ -89,15 +90,7 @@ class SolvedSegment:
         Args:
             keys: (N, 3) as in `SolutionGroup`.
         """
-        size, n_yaw = self.grid.size, self.grid.n_yaw
-        place = keys[:, :2] - self.grid.base[keys[:, 2]]
-        flat = (place[:, 0] * size + place[:, 1]) * n_yaw + keys[:, 2]
-        rows = np.minimum(np.searchsorted(self.cells, flat), max(0, self.n_solutions - 1))
-        there = np.flatnonzero(((place >= 0) & (place < size)).all(1) & (self.n_solutions > 0))
-        there = there[self.cells[rows[there]] == flat[there]]
-        found = np.full(len(keys), -1)
-        found[there] = rows[there]
-        return found
+        return np.asarray(_rows_of_keys(keys, self.cells, self.grid.size, self.grid.base))
 
     def merit(self, rows: IntArray) -> FloatArray:
         """(N,) m: clearance less what the contact's quality speaks against each solution.
@@ -114,9 +107,7 @@ class SolvedSegment:
         Args:
             rows: (N,) of the group.
         """
-        shape = (self.grid.size, self.grid.size, self.grid.n_yaw)
-        cells = np.stack(np.unravel_index(self.cells[rows], shape), 1)
-        return np.concatenate([self.grid.base[cells[:, 2]] + cells[:, :2], cells[:, 2:]], 1)
+        return np.asarray(_lattice_keys(self.cells, rows, self.grid.size, self.grid.base))
 
     def volumes(self) -> Pair:
         """Both subjects' volumes."""
@@ -161,3 +152,33 @@ def solve_segment(
     )
     counts = dict(zip(told["reasons"].tolist(), told["counts"].tolist(), strict=True))
     return SolvedSegment(spec, grid, counts, int(told["n_regions"]), stages, made[0] if made else None)
+
+
+@njit(cache=True, nogil=True)
+def _lattice_keys(cells: IntArray, rows: IntArray, size: int, base: IntArray) -> IntArray:
+    """(N, 3) lattice poses of the cells of some rows."""
+    keys = np.empty((rows.shape[0], 3), np.int64)
+    for n in range(rows.shape[0]):
+        place, k = divmod(np.int64(cells[rows[n]]), base.shape[0])
+        keys[n, 0], keys[n, 1], keys[n, 2] = base[k, 0] + place // size, base[k, 1] + place % size, k
+    return keys
+
+
+@njit(cache=True, nogil=True)
+def _rows_of_keys(keys: IntArray, cells: IntArray, size: int, base: IntArray) -> IntArray:
+    """(N,) where the cells of lattice poses are among some that ascend; -1 for those that are not."""
+    found = np.full(keys.shape[0], -1)
+    for n in range(keys.shape[0]):
+        x, y = keys[n, 0] - base[keys[n, 2], 0], keys[n, 1] - base[keys[n, 2], 1]
+        if 0 <= x < size and 0 <= y < size:
+            cell = (x * size + y) * base.shape[0] + keys[n, 2]
+            low, high = 0, cells.shape[0]
+            while low < high:
+                middle = (low + high) // 2
+                if cells[middle] < cell:
+                    low = middle + 1
+                else:
+                    high = middle
+            if low < cells.shape[0] and cells[low] == cell:
+                found[n] = low
+    return found
