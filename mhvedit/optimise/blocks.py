@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import ComplexArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.optimise.chains import StageCosts, vectors
 
 COARSEST = 5  # level of the largest blocks: 32 steps of x and y
 YAW_LEVEL = 2  # levels up to this one hold a single step of yaw
+MAPPED = 3  # level of the blocks of maps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +28,16 @@ class Curve:
     first: ComplexArray  # (S,) m, from A's to B's first root, A standing as it was
     last: ComplexArray  # (S,) m, and between the last roots
     yaws: FloatArray  # (S,) rad
+    radius: float = 0.0  # m, of the discs in which first and last are, where rows stand for several solutions
+    half_yaw: float = 0.0  # rad, likewise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockMap:
+    """In which blocks of level `MAPPED` there are solutions of one stage."""
+
+    origin: IntArray  # (2,) the least x and y of them, in steps
+    there: BoolArray  # (X, Y, Yaw)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +66,57 @@ def curve_of(stage: StageCosts) -> Curve:
     return Curve(
         codes[rows], rows.astype(np.int32), first, first if np.array_equal(first, last) else last, stage.yaws[rows]
     )
+
+
+def block_map(keys: IntArray, rows: IntArray) -> BlockMap:
+    """The blocks in which there are solutions.
+
+    Args:
+        keys: (S, 3) on the pose lattice.
+        rows: (N,) those of them that count, at least one.
+    """
+    low, high = _extent(keys, rows)
+    shape = ((high - np.append(low[:2], 0)) >> np.array([MAPPED, MAPPED, MAPPED - YAW_LEVEL])) + 1
+    there = np.zeros(tuple(shape.tolist()), np.bool_)
+    _mark(keys, rows, low[:2], there)
+    return BlockMap(low[:2], there)
+
+
+def marked(keys: IntArray, rows: IntArray, blocks: BlockMap, flags: BoolArray) -> BoolArray:
+    """(N,) which solutions are in flagged blocks.
+
+    Args:
+        keys: (S, 3) on the pose lattice.
+        rows: (N,) those of them that are asked for.
+        blocks: made of them.
+        flags: (X, Y, Yaw) as in `BlockMap`.
+    """
+    return np.asarray(_looked_up(keys, rows, blocks.origin, flags))
+
+
+def curve_of_map(blocks: BlockMap, stage: StageCosts, *, step: float, n_yaw: int) -> Curve:
+    """Blocks in place of their solutions along the curve; `rows` are indices into the flattened map.
+
+    Args:
+        blocks: of the stage.
+        stage: for its roots; its solutions may be some of them only.
+        step: of x and y between poses, m.
+        n_yaw: yaw steps in a full turn.
+    """
+    places = np.argwhere(blocks.there)
+    sides = np.array([1 << MAPPED, 1 << MAPPED, 1 << (MAPPED - YAW_LEVEL)])
+    codes = _codes(places * sides)
+    order = np.argsort(codes, kind="stable")
+    half = (sides - 1) / 2
+    middle = places[order] * sides + half
+    yaws = middle[:, 2] * (2 * np.pi / n_yaw)
+    spin, half_yaw = np.exp(1j * yaws), float(half[2] * 2 * np.pi / n_yaw)
+    at = ((middle[:, 0] + blocks.origin[0]) + 1j * (middle[:, 1] + blocks.origin[1])) * step
+    first, last = (at + spin * (stage.middle_b + root_b) - (stage.middle_a + root_a)
+                   for root_a, root_b in zip(stage.roots_a, stage.roots_b, strict=True))  # fmt: skip
+    radius = float(np.hypot(*half[:2]) * step + 2 * np.sin(half_yaw / 2) * np.abs(stage.middle_b + stage.roots_b).max())
+    rows = np.flatnonzero(blocks.there)[order].astype(np.int32)
+    return Curve(codes[order], rows, first, last, yaws, radius, half_yaw)
 
 
 def coarsest_blocks(curves: Sequence[Curve], pool: ThreadPoolExecutor) -> Blocks:
@@ -98,6 +160,8 @@ def _described(curves: Sequence[Curve], pool: ThreadPoolExecutor, level: int, ru
     parts = pool.map(lambda curve, run: _discs(curve.first, curve.last, curve.yaws, run), curves, runs)
     first, last, radius, yaw, half_yaw = (np.concatenate(column) for column in zip(*parts, strict=True))
     stage = np.repeat(np.arange(len(curves), dtype=np.int32), [len(run) for run in runs])
+    radius += np.array([curve.radius for curve in curves])[stage]
+    half_yaw += np.array([curve.half_yaw for curve in curves])[stage]
     if all(curve.last is curve.first for curve in curves):
         last = first
     return Blocks(level, stage, np.concatenate(runs), first, last, radius, yaw, half_yaw)
@@ -106,6 +170,35 @@ def _described(curves: Sequence[Curve], pool: ThreadPoolExecutor, level: int, ru
 def _bits(level: int) -> int:
     """How many bits of a code tell apart what is inside a block."""
     return 2 * level + max(level - YAW_LEVEL, 0)
+
+
+@njit(cache=True, nogil=True)
+def _extent(keys: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
+    """(3,) least and (3,) greatest keys of some rows."""
+    low, high = keys[rows[0]].copy(), keys[rows[0]].copy()
+    for row in rows:
+        for axis in range(3):
+            low[axis], high[axis] = min(low[axis], keys[row, axis]), max(high[axis], keys[row, axis])
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def _mark(keys: IntArray, rows: IntArray, origin: IntArray, out: BoolArray) -> None:
+    """Flag the blocks that some rows are in."""
+    for row in rows:
+        x, y = (keys[row, 0] - origin[0]) >> MAPPED, (keys[row, 1] - origin[1]) >> MAPPED
+        out[x, y, keys[row, 2] >> (MAPPED - YAW_LEVEL)] = True
+
+
+@njit(cache=True, nogil=True)
+def _looked_up(keys: IntArray, rows: IntArray, origin: IntArray, flags: BoolArray) -> BoolArray:
+    """The flag of the block that each row is in."""
+    out = np.empty(rows.shape[0], np.bool_)
+    for n in range(rows.shape[0]):
+        row = rows[n]
+        x, y = (keys[row, 0] - origin[0]) >> MAPPED, (keys[row, 1] - origin[1]) >> MAPPED
+        out[n] = flags[x, y, keys[row, 2] >> (MAPPED - YAW_LEVEL)]
+    return out
 
 
 @njit(cache=True, nogil=True)

@@ -14,7 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from mhvedit.optimise.blocks import COARSEST, Blocks, Curve, coarsest_blocks, curve_of, smaller_blocks
+from mhvedit.optimise.blocks import (
+    COARSEST,
+    MAPPED,
+    BlockMap,
+    Blocks,
+    Curve,
+    coarsest_blocks,
+    curve_of,
+    curve_of_map,
+    smaller_blocks,
+)
 from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
 from mhvedit.optimise.chains import Chain, StageCosts, first_chain, polished
 
@@ -124,7 +134,7 @@ def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain
     """
     known = _Known(first_chain(costs), 0.0, set())
     with ThreadPoolExecutor(THREADS) as pool:
-        problem = _problem(costs, pool)
+        problem = _problem(costs, list(pool.map(curve_of, costs)), pool)
         blocks = coarsest_blocks(problem.curves, pool)
         level, cells = _everything(costs, blocks, known.best.cost, n_yaw)
         for _ in range(MOST_ROUNDS):
@@ -142,10 +152,52 @@ def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain
     return Chain(best.chosen, best.turns, best.gauge, best.cost, min(known.bound, best.cost))
 
 
-def _problem(costs: Sequence[StageCosts], pool: ThreadPoolExecutor) -> _Problem:
-    curves = tuple(pool.map(curve_of, costs))
-    reach = [max(np.abs(curve.first).max(), np.abs(curve.last).max()) for curve in curves]
-    return _Problem(costs, curves, _links(costs), np.array(reach), pool)
+def blocks_within(
+    costs: Sequence[StageCosts], maps: Sequence[BlockMap], *, budget: float, step: float, n_yaw: int
+) -> list[BoolArray]:
+    """The blocks that chains within a budget can go through, and maybe others.
+
+    Args:
+        costs: of all stages, with some of their solutions.
+        maps: in which blocks the solutions of each are.
+        budget: m^2.
+        step: of x and y between poses, m.
+        n_yaw: yaw steps in a full turn.
+
+    Returns:
+        Of each stage, as in its map.
+    """
+    within = Chain(np.zeros(len(costs), np.int64), np.zeros(len(costs)), 0.0, budget)
+    with ThreadPoolExecutor(THREADS) as pool:
+        curves = [curve_of_map(own, stage, step=step, n_yaw=n_yaw) for own, stage in zip(maps, costs, strict=True)]
+        problem = _problem(costs, curves, pool)
+        blocks = coarsest_blocks(curves, pool)
+        level, cells = _everything(costs, blocks, budget, n_yaw)
+        known = _Known(within, 0.0, set())
+        while True:
+            cells = _round(problem, blocks, cells, level, known)
+            if level.blocks == MAPPED or len(cells) > MOST_CELLS // 8:
+                break
+            finer = _finer(problem, level, step, budget)
+            blocks, cells = _refined(problem, blocks, cells, level, finer)
+            level = finer
+    return _flags(maps, curves, blocks, np.unique(cells.block))
+
+
+def _flags(maps: Sequence[BlockMap], curves: Sequence[Curve], blocks: Blocks, alive: IntArray) -> list[BoolArray]:
+    """Of each stage which blocks of its map are in some larger ones."""
+    found = []
+    for g, (own, curve) in enumerate(zip(maps, curves, strict=True)):
+        flags = np.zeros_like(own.there)
+        for start, stop in blocks.run[alive[blocks.stage[alive] == g]]:
+            flags.ravel()[curve.rows[start:stop]] = True
+        found.append(flags)
+    return found
+
+
+def _problem(costs: Sequence[StageCosts], curves: Sequence[Curve], pool: ThreadPoolExecutor) -> _Problem:
+    reach = [max(np.abs(curve.first).max(), np.abs(curve.last).max()) + curve.radius for curve in curves]
+    return _Problem(costs, tuple(curves), _links(costs), np.array(reach), pool)
 
 
 def _links(costs: Sequence[StageCosts]) -> Links:

@@ -39,8 +39,10 @@ class StageCosts:
     yaws: FloatArray  # (S,) rad
     by_yaw: Int32Array  # (S,) rows, those of one yaw together, each yaw's ascending
     yaw_starts: IntArray  # (K + 1,) where each yaw starts in `by_yaw`
-    roots_a: ComplexArray  # (2,) m, first and last
+    roots_a: ComplexArray  # (2,) m, first and last, from the middle
     roots_b: ComplexArray  # (2,) m
+    middle_a: complex  # m, of all roots of A
+    middle_b: complex  # m
     weight_a: float  # m^2, of 1 - cos(turn)
     weight_b: float  # m^2, of 1 - cos(turn + yaw - gauge)
 
@@ -72,6 +74,8 @@ def stage_costs(stages: Sequence[Stage], *, facing_weight: float) -> tuple[Stage
                 yaw_starts=np.append(np.flatnonzero(np.diff(turned, prepend=-1)), len(turned)),
                 roots_a=complex_of(s.roots_a[[0, -1]]) - middle_a,
                 roots_b=complex_of(s.roots_b[[0, -1]]) - middle_b,
+                middle_a=complex(middle_a),
+                middle_b=complex(middle_b),
                 weight_a=facing + inner[0],
                 weight_b=facing + inner[1],
             )

@@ -7,14 +7,15 @@ that every segment accepts costs nothing, and is looked for first; ties are brok
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.optimise.branching import best_chain
 from mhvedit.optimise.chains import Chain, stage_costs
-from mhvedit.optimise.stages import Stage, common_codes, pose_codes
+from mhvedit.optimise.stages import Stage, common_codes, pose_codes, some_of
+from mhvedit.optimise.thinning import near_best
 from mhvedit.optimise.ties import deepest_chain
 
 
@@ -54,9 +55,13 @@ def best_placements(stages: Sequence[Stage], *, facing_weight: float, step: floa
         chosen = np.array([row[best] for row in rows])
         gauge = float(stages[0].poses[chosen[0], 2])
         return _placed(stages, Chain(chosen, np.zeros(len(stages)), gauge, 0.0, 0.0), equals=len(common))
-    costs = stage_costs(stages, facing_weight=facing_weight)
+    near = near_best(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
+    thin = [some_of(stage, rows) for stage, rows in zip(stages, near, strict=True)]
+    costs = stage_costs(thin, facing_weight=facing_weight)
     chain = best_chain(costs, step=step, n_yaw=n_yaw)
-    return _placed(stages, deepest_chain(costs, [stage.merit for stage in stages], chain, n_yaw=n_yaw), equals=1)
+    chain = deepest_chain(costs, [stage.merit for stage in thin], chain, n_yaw=n_yaw)
+    chosen = np.array([rows[row] for rows, row in zip(near, chain.chosen, strict=True)])
+    return _placed(stages, replace(chain, chosen=chosen), equals=1)
 
 
 def _placed(stages: Sequence[Stage], chain: Chain, *, equals: int) -> KeyPlacements:

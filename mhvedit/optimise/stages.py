@@ -6,7 +6,7 @@ on one lattice, so the intersection is exact.
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,18 @@ def stages_of(segments: Sequence[KeySegment], adjoins: Sequence[bool]) -> tuple[
             runs.append([segment])
     with ThreadPoolExecutor(THREADS) as pool:
         return tuple(pool.map(_stage, runs))
+
+
+def some_of(stage: Stage, rows: IntArray) -> Stage:
+    """A stage with some of its solutions.
+
+    Args:
+        stage: any.
+        rows: (N,) ascending.
+    """
+    if len(rows) == len(stage):
+        return stage
+    return replace(stage, keys=stage.keys[rows], poses=stage.poses[rows], merit=stage.merit[rows])
 
 
 def pose_codes(keys: IntArray) -> IntArray:

@@ -10,6 +10,7 @@ from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import compose, invert, rotation, wrap_angle
 from mhvedit.optimise.company import CompanyPlacements, place_company
 from mhvedit.optimise.stages import KeySegment, Stage, stages_of
+from mhvedit.optimise.thinning import Places, near_best
 from mhvedit.optimise.transitions import PathSettings, placement_path
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.segments import SolvedSegment
@@ -96,8 +97,11 @@ def assemble(
     """
     line = lay_out(scene, people, fps)
     left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else list(rows)
-    for own in by_pair(solved):
+    pairs = by_pair(solved)
+    for own in pairs:
         shared = shared_rows([solved[i] for i in own], [left[i] for i in own])
+        if shared is None and len(pairs) == 1:
+            shared = _near_rows(scene, solved, left, _joined(line, own))
         for i, some in zip(own, shared or [], strict=False):
             left[i] = some
     runs, stages = _stages(solved, left, line)
@@ -171,12 +175,44 @@ def _stages(
     stages: list[Stage] = []
     for own in by_pair(solved):
         keys = [_key_segment(solved[i], rows[i]) for i in own]
-        adjoins = [line.spans[i].stop == line.spans[j].start for i, j in pairwise(own)]
-        breaks = [0, *(n + 1 for n, joined in enumerate(adjoins) if not joined), len(own)]
-        runs += [tuple(own[start:stop]) for start, stop in pairwise(breaks)]
+        adjoins = _adjoins(line, own)
+        runs += _joined(line, own)
         stages += stages_of(keys, adjoins)
     order = sorted(range(len(runs)), key=lambda g: runs[g])
     return [runs[g] for g in order], [stages[g] for g in order]
+
+
+def _adjoins(line: TimeLine, own: Sequence[int]) -> list[bool]:
+    """Of the segments of one pair, whether nothing lies between each and the next."""
+    return [line.spans[i].stop == line.spans[j].start for i, j in pairwise(own)]
+
+
+def _joined(line: TimeLine, own: Sequence[int]) -> list[tuple[int, ...]]:
+    """Segments of one pair, those together that adjoin."""
+    breaks = [0, *(n + 1 for n, joined in enumerate(_adjoins(line, own)) if not joined), len(own)]
+    return [tuple(own[start:stop]) for start, stop in pairwise(breaks)]
+
+
+def _near_rows(
+    scene: SceneFile, solved: Sequence[SolvedSegment], rows: Sequence[IntArray], runs: Sequence[tuple[int, ...]]
+) -> list[IntArray] | None:
+    """The solutions of each segment of a pair that the best chain can be made of; None where there is no chain."""
+    joined: list[list[IntArray]] = []
+    for run in runs:
+        shared = shared_rows([solved[i] for i in run], [rows[i] for i in run]) if len(run) > 1 else [rows[run[0]]]
+        if shared is None or not len(shared[0]):
+            return None
+        joined.append(shared)
+    places = [_places([solved[i] for i in run], shared[0]) for run, shared in zip(runs, joined, strict=True)]
+    search = scene.search
+    near = near_best(places, facing_weight=scene.optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
+    return [own[some] for shared, some in zip(joined, near, strict=True) for own in shared]
+
+
+def _places(run: Sequence[SolvedSegment], rows: IntArray) -> Places:
+    """Where some solutions are that adjoining segments share."""
+    roots = [(segment.grid.root_a, segment.grid.root_b) for segment in run]
+    return Places(run[0].keys(rows), np.array([a for a, _ in roots]), np.array([b for _, b in roots]))
 
 
 def _subject_edit(

@@ -8,7 +8,7 @@ import pytest
 from pytest import approx
 
 from mhvedit.geometry.arrays import BoolArray
-from mhvedit.optimise.blocks import Blocks, coarsest_blocks
+from mhvedit.optimise.blocks import Blocks, coarsest_blocks, curve_of
 from mhvedit.optimise.branching import (
     EXACT,
     NOTHING,
@@ -123,7 +123,7 @@ def test_no_chain_through_a_cell_costs_less_than_its_bound(seed: int, adjoins: l
     costs = stage_costs(stages, facing_weight=0.5)
     level = _Level(5, np.pi, np.pi / 3, np.pi)
     with ThreadPoolExecutor(2) as pool:
-        task = _problem(costs, pool)
+        task = _problem(costs, [curve_of(own) for own in costs], pool)
         blocks = coarsest_blocks(task.curves, pool)
         cells = cells_of(costs, blocks, [np.pi / 3, np.pi, 5 * np.pi / 3])
         for _ in range(5):
@@ -158,7 +158,7 @@ def test_the_flat_bound_is_good_where_cells_are_small() -> None:
     costs = stage_costs(stages, facing_weight=0.5)
     best = with_best_turns(costs, np.zeros(3, np.int64), float(costs[0].yaws[0]))
     with ThreadPoolExecutor(1) as pool:
-        task = _problem(costs, pool)
+        task = _problem(costs, [curve_of(own) for own in costs], pool)
         blocks = coarsest_blocks(task.curves, pool)
         lost = []
         for half in (1e-3, 1e-4):

@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mhvedit.geometry.arrays import IntArray
+from mhvedit.optimise.blocks import MAPPED, YAW_LEVEL, block_map, curve_of_map, marked
+from mhvedit.optimise.branching import best_chain
+from mhvedit.optimise.chains import stage_costs, vectors
+from mhvedit.optimise.keys import best_placements
+from mhvedit.optimise.stages import Stage, some_of
+from mhvedit.optimise.thinning import Places, near_best
+from mhvedit.optimise.ties import deepest_chain
+from tests.optimise.problems import N_YAW, problem, some_keys
+
+WEIGHT, STEP = 0.5, 0.01  # m^2, m
+
+
+def wide_problem(seed: int) -> tuple[Stage, ...]:
+    """Stages of which most solutions are far from the best chain."""
+    rng = np.random.default_rng(seed)
+    stages = problem(seed, count=4, size=12)
+    wide = []
+    for stage in stages:
+        far = some_keys(rng, 300, reach=200, yaws=N_YAW // 2)
+        keys = np.unique(np.concatenate([stage.keys, far]), axis=0)
+        poses = np.column_stack([keys[:, :2] * STEP, keys[:, 2] * 2 * np.pi / N_YAW])
+        wide.append(Stage(stage.names, keys, poses, rng.random(len(keys)), stage.roots_a, stage.roots_b))
+    return tuple(wide)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_best_chain_of_what_is_left_is_that_of_all(seed: int) -> None:
+    stages = wide_problem(seed)
+    rows = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
+    thin = [some_of(stage, own) for stage, own in zip(stages, rows, strict=True)]
+    assert sum(map(len, thin)) < 0.8 * sum(map(len, stages))
+    found = []
+    for some in (stages, thin):
+        costs = stage_costs(some, facing_weight=WEIGHT)
+        chain = best_chain(costs, step=STEP, n_yaw=N_YAW)
+        deepest = deepest_chain(costs, [stage.merit for stage in some], chain, n_yaw=N_YAW)
+        found.append((chain.cost, [stage.keys[row].tolist() for stage, row in zip(some, deepest.chosen, strict=True)]))
+    assert found[1][0] == pytest.approx(found[0][0], rel=1e-8)
+    assert found[1][1] == found[0][1]
+
+
+def test_rows_are_those_of_the_whole_stages(monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = wide_problem(1)
+    whole = best_placements(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
+    monkeypatch.setattr(near_best, "__kwdefaults__", {"enough": 0})
+    thin = best_placements(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
+    assert thin.chosen.tolist() == whole.chosen.tolist()
+    assert thin.cost == pytest.approx(whole.cost) and thin.gap <= 1.0
+
+
+def test_few_solutions_are_left_as_they_are() -> None:
+    stages = problem(0, count=3, size=12)
+    places = [Places(stage.keys, stage.roots_a, stage.roots_b) for stage in stages]
+    rows = near_best(places, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
+    assert [own.tolist() for own in rows] == [list(range(len(stage))) for stage in stages]
+
+
+def some_lattice_keys(seed: int) -> IntArray:
+    rng = np.random.default_rng(seed)
+    return some_keys(rng, 60, reach=40, yaws=N_YAW // 2, about=(int(rng.integers(-90, 90)), 5, 0))
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10**6))
+def test_blocks_are_there_where_solutions_are(seed: int) -> None:
+    keys, rng = some_lattice_keys(seed), np.random.default_rng(seed)
+    rows = np.sort(rng.permutation(len(keys))[: 1 + len(keys) // 2])
+    found = block_map(keys, rows)
+    places = {tuple(own) for own in ((keys[rows] - [*keys[rows, :2].min(0), 0]) >> sides()).tolist()}
+    assert {tuple(own) for own in np.argwhere(found.there).tolist()} == places
+    flags = found.there & (rng.random(found.there.shape) < 0.5)
+    there = (keys[rows] - [*found.origin, 0]) >> sides()
+    assert marked(keys, rows, found, flags).tolist() == flags[tuple(there.T)].tolist()
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10**6))
+def test_a_block_holds_the_vectors_and_yaws_of_its_solutions(seed: int) -> None:
+    keys, rng = some_lattice_keys(seed), np.random.default_rng(seed)
+    poses = np.column_stack([keys[:, :2] * STEP, keys[:, 2] * 2 * np.pi / N_YAW])
+    stage = Stage(("", ""), keys, poses, np.zeros(len(keys)), rng.normal(0, 1, (2, 2)), rng.normal(0, 1, (2, 2)))
+    (costs,) = stage_costs([stage], facing_weight=1.0)
+    blocks = block_map(keys, np.arange(len(keys)))
+    curve = curve_of_map(blocks, costs, step=STEP, n_yaw=N_YAW)
+    assert (np.diff(curve.codes) > 0).all() and sorted(curve.rows) == np.flatnonzero(blocks.there).tolist()
+    place = np.empty(blocks.there.size, np.int64)
+    place[curve.rows] = np.arange(len(curve.rows))
+    own = place[np.ravel_multi_index(tuple(((keys - [*blocks.origin, 0]) >> sides()).T), blocks.there.shape)]
+    for which, middles in ((0, curve.first), (-1, curve.last)):
+        away = np.abs(vectors(costs, np.arange(len(keys)), which) - middles[own])
+        assert away.max() <= curve.radius + 1e-12
+    assert np.abs(poses[:, 2] - curve.yaws[own]).max() <= curve.half_yaw + 1e-12
+
+
+def sides() -> IntArray:
+    return np.array([MAPPED, MAPPED, MAPPED - YAW_LEVEL])
