@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from mhvedit.constraints.clauses import Meeting
 from mhvedit.search.columns import WORD, Columns, Layout, columns_of, fitted_layout
-from mhvedit.search.pyramid import SLABS, Pyramid, pyramid_of
+from mhvedit.search.pyramid import SLABS, Pyramid, is_solid, pyramid_of
 from mhvedit.volumes.history import MotionHistoryVolume
 
 
@@ -15,6 +15,7 @@ class Facing:
 
     a: Pyramid
     b: Columns
+    solid: bool  # whether B is thick enough to settle blocks of shifts
     every: int | None  # bits that must all occur in common; None: any
 
 
@@ -29,7 +30,7 @@ def facings_of(meetings: Sequence[Meeting]) -> dict[int, tuple[Facing, ...]]:
     """
     heights = _heights(meetings)
     pyramids: dict[tuple[int, Layout, int], Pyramid] = {}
-    columns: dict[tuple[int, int], Columns] = {}
+    columns: dict[tuple[int, int], tuple[Columns, bool]] = {}
     found = {}
     for meeting in meetings:
         a, b, own = meeting.a, meeting.b, []
@@ -39,10 +40,11 @@ def facings_of(meetings: Sequence[Meeting]) -> dict[int, tuple[Facing, ...]]:
             if every == 0:
                 continue
             if (id(b), word) not in columns:
-                columns[id(b), word] = columns_of(b, layout, word=word)
+                made = columns_of(b, layout, word=word)
+                columns[id(b), word] = made, is_solid(made)
             if (id(a), layout, word) not in pyramids:
                 pyramids[id(a), layout, word] = pyramid_of(columns_of(a, layout, word=word))
-            own.append(Facing(pyramids[id(a), layout, word], columns[id(b), word], every))
+            own.append(Facing(pyramids[id(a), layout, word], *columns[id(b), word], every))
         found[id(meeting)] = tuple(own)
     return found
 

@@ -16,11 +16,12 @@ from numba import njit
 
 from mhvedit.geometry.arrays import Int32Array, IntArray, Words
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.columns import EMPTY, Columns, TurnedColumns, aligned
+from mhvedit.search.columns import EMPTY, Columns, TurnedColumns, aligned, turned
 from mhvedit.search.scratch import Scratch
 
 SLABS = 8  # words in a row
 TOP = 4  # the coarsest level
+SETTLING = 2  # the finest level whose blocks are settled as a whole
 LEVELS = np.arange(TOP + 1)[:, None]
 MARGIN = 2  # empty columns around A's, so that windows of level 1 need no look at borders
 
@@ -87,19 +88,28 @@ def pyramid_of(columns: Columns) -> Pyramid:
     )
 
 
-def turned_pyramid(turned: TurnedColumns, scratch: Scratch | None = None) -> TurnedPyramid:
+def is_solid(columns: Columns) -> bool:
+    """Whether some window that settles blocks holds anything in all of its columns, as the volume stands."""
+    return bool(level_of(turned_pyramid(turned(columns, 0.0)).sure, SETTLING).any())
+
+
+def turned_pyramid(b: TurnedColumns, scratch: Scratch | None = None, *, solid: bool = True) -> TurnedPyramid:
     """Pool a turned volume.
 
     Args:
-        turned: the volume.
+        b: the volume.
         scratch: to lay the result into; what was laid there before is lost.
+        solid: whether to look for windows that all columns fill; without them fewer blocks are settled early.
     """
     scratch = scratch or Scratch()
-    columns, column_of = turned.columns, turned.column_of
+    columns, column_of = b.columns, b.column_of
     some, sure = _blank(column_of, 0, scratch, "some"), _blank(column_of, 0, scratch, "sure")
     n_some = _pool_cells(column_of, columns.some, 0, *some.arrays)
-    n_sure = _pool_windows(column_of, columns.every, 1, True, *sure.arrays)
-    return TurnedPyramid(turned, _cut(some, n_some), _cut(sure, n_sure), turned.start >> LEVELS)
+    if solid:
+        n_sure = _pool_windows(column_of, columns.every, 1, True, *sure.arrays)
+    else:
+        n_sure, sure.row_of[:], sure.rows[EMPTY] = EMPTY + 1, EMPTY, 0
+    return TurnedPyramid(b, _cut(some, n_some), _cut(sure, n_sure), b.start >> LEVELS)
 
 
 def _blank(column_of: Int32Array, grown: int, scratch: Scratch, name: str) -> Pools:

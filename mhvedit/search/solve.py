@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import local
 
 import numpy as np
 from numba import njit
@@ -22,7 +23,6 @@ from mhvedit.volumes.history import MotionHistoryVolume
 
 ACCEPTED, OUTSIDE = 0, 1
 BASE_REASONS = ("accepted", "outside the window")
-BUNCH = 12  # yaws that a thread takes at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,24 +85,21 @@ def search_poses(
     reasons = BASE_REASONS + tuple(clause.reason for clause in clauses)
     if sight is not None:
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
-    reason = np.empty((grid.size, grid.size, grid.n_yaw), np.uint8)
-    bunches = [range(k, min(k + BUNCH, grid.n_yaw)) for k in range(0, grid.n_yaw, BUNCH)]
+    found = np.empty((grid.n_yaw, grid.size, grid.size), np.uint8)
+    asked = None if among is None else _by_yaw(among)
+    desks = local()
 
-    def decide(bunch: range) -> None:
-        desk = _Desk(prepared)
-        found = np.empty((len(bunch), grid.size, grid.size), np.uint8)
-        alive = np.stack([grid.inside(k) for k in bunch])
-        if among is not None:
-            _keep_those(among[:, :, bunch.start : bunch.stop], alive)
-        for n, k in enumerate(bunch):
-            _mark_reasons(grid, clauses, sight, desk, k, alive[n], found[n])
-        _lay_beside(found, reason[:, :, bunch.start : bunch.stop])
+    def decide(k: int) -> None:
+        if not hasattr(desks, "own"):
+            desks.own = _Desk(prepared)
+        alive = grid.inside(k) if asked is None else grid.inside(k) & asked[k]
+        _mark_reasons(grid, clauses, sight, desks.own, k, alive, found[k])
 
     with ThreadPoolExecutor(workers) as pool:
-        for done, _ in enumerate(pool.map(decide, bunches), start=1):
+        for done, _ in enumerate(pool.map(decide, range(grid.n_yaw)), start=1):
             if progress is not None:
-                progress(done / len(bunches))
-    return ReasonMap(grid, reason, reasons)
+                progress(done / grid.n_yaw)
+    return ReasonMap(grid, _by_place(found), reasons)
 
 
 def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
@@ -123,14 +120,14 @@ class _Desk:
         self._turned: dict[int, TurnedPyramid] = {}
         self._yaw = np.nan
 
-    def turned(self, columns: Columns, yaw: float) -> TurnedPyramid:
-        """A volume turned about z; those turned by another yaw are lost."""
+    def turned(self, facing: Facing, yaw: float) -> TurnedPyramid:
+        """The volume B of a facing turned about z; those turned by another yaw are lost."""
         if yaw != self._yaw:
             self._yaw, self._turned = yaw, {}
-        key = id(columns)
+        key = id(facing.b)
         if key not in self._turned:
             space = self._of_turns.setdefault(key, Scratch())
-            self._turned[key] = turned_pyramid(turned(columns, yaw, space), space)
+            self._turned[key] = turned_pyramid(turned(facing.b, yaw, space), space, solid=facing.solid)
         return self._turned[key]
 
 
@@ -177,7 +174,7 @@ def _meeting(
         open_still = asked if found is None else asked & (found if all_of_them else ~found)
         met = meets(
             facing.a,
-            desk.turned(facing.b, float(grid.yaws[k])),
+            desk.turned(facing, float(grid.yaws[k])),
             base=grid.base[k],
             stride=grid.stride,
             asked=open_still,
@@ -214,18 +211,24 @@ def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -
 
 
 @njit(cache=True, nogil=True)
-def _keep_those(among: BoolArray, alive: BoolArray) -> None:
-    """Drop from (K, X, Y) what is not in (X, Y, K)."""
-    for x in range(among.shape[0]):
-        for y in range(among.shape[1]):
-            for k in range(among.shape[2]):
-                alive[k, x, y] &= among[x, y, k]
+def _by_yaw(among: BoolArray) -> BoolArray:
+    """(X, Y, K) as (K, X, Y)."""
+    n_x, n_y, n_k = among.shape
+    out = np.empty((n_k, n_x, n_y), np.bool_)
+    for x in range(np.uint64(n_x)):
+        for k in range(np.uint64(n_k)):
+            for y in range(np.uint64(n_y)):
+                out[k, x, y] = among[x, y, k]
+    return out
 
 
 @njit(cache=True, nogil=True)
-def _lay_beside(found: ByteArray, out: ByteArray) -> None:
-    """Maps one behind the other, (K, X, Y), as the columns of one: (X, Y, K)."""
-    for x in range(np.uint64(out.shape[0])):
-        for y in range(np.uint64(out.shape[1])):
-            for k in range(np.uint64(out.shape[2])):
+def _by_place(found: ByteArray) -> ByteArray:
+    """(K, X, Y) as (X, Y, K)."""
+    n_k, n_x, n_y = found.shape
+    out = np.empty((n_x, n_y, n_k), np.uint8)
+    for x in range(np.uint64(n_x)):
+        for k in range(np.uint64(n_k)):
+            for y in range(np.uint64(n_y)):
                 out[x, y, k] = found[k, x, y]
+    return out
