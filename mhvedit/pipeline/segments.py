@@ -1,6 +1,5 @@
 """One key segment and all its solutions."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,8 +7,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
-from mhvedit.geometry.planar import rotation
+from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.stages import Pair, Progress, Stages, found_by, grid_of, group_of, segment_stages, volumes_of
 from mhvedit.pipeline.store import Arrays, Store, entry_name
@@ -18,9 +16,6 @@ from mhvedit.search.groups import SolutionGroup, described
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap
 from mhvedit.sequences.segments import SegmentPair
-
-FEW = 16  # solutions that are described without a compiled kernel: loading the first one takes half a second
-MANY = 200_000  # solutions from which on that is worth it
 
 
 @dataclass(frozen=True, eq=False)  # no slots: what is large is fetched when it is first asked for
@@ -87,8 +82,7 @@ class SolvedSegment:
             rows: (N,) of the group.
         """
         kept = self._columns("region", "clearance")
-        name = described if len(rows) > FEW else _few_described
-        return name(self.grid, self.cells[rows], kept["region"][rows], kept["clearance"][rows], facing=self.facing)
+        return described(self.grid, self.cells[rows], kept["region"][rows], kept["clearance"][rows], facing=self.facing)
 
     def rows_at(self, keys: IntArray) -> IntArray:
         """Rows of lattice poses, -1 for those that are no solutions.
@@ -121,10 +115,7 @@ class SolvedSegment:
         Args:
             rows: (N,) of the group.
         """
-        if len(rows) > MANY:
-            return np.asarray(_lattice_keys(self.cells, rows, self.grid.size, self.grid.base))
-        place, k = np.divmod(self.cells[rows].astype(np.int64), self.grid.n_yaw)
-        return np.column_stack([self.grid.base[k] + np.column_stack(np.divmod(place, self.grid.size)), k])
+        return np.asarray(_lattice_keys(self.cells, rows, self.grid.size, self.grid.base))
 
     def volumes(self) -> Pair:
         """Both subjects' volumes."""
@@ -169,21 +160,6 @@ def solve_segment(
     )
     counts = dict(zip(told["reasons"].tolist(), told["counts"].tolist(), strict=True))
     return SolvedSegment(spec, grid, counts, int(told["n_regions"]), stages, made[0] if made else None)
-
-
-def _few_described(
-    grid: PoseGrid, cells: IntArray, region: Int32Array, clearance: FloatArray, *, facing: tuple[float, float]
-) -> SolutionGroup:
-    """What `described` says, to the last bit."""
-    turned = rotation(grid.yaws) @ grid.root_b - grid.root_a
-    place, k = np.divmod(cells.astype(np.int64), grid.n_yaw)
-    keys = np.column_stack([grid.base[k] + np.column_stack(np.divmod(place, grid.size)), k])
-    poses = np.column_stack([keys[:, :2] * grid.step, grid.yaws[k]])
-    x, y = (poses[:, :2] + turned[k]).T
-    bearing = np.array([math.atan2(*own) for own in zip(y.tolist(), x.tolist(), strict=True)], np.float64)
-    theta_a = (bearing - facing[0] + np.pi) % (2 * np.pi) - np.pi
-    theta_b = (bearing - facing[1] - poses[:, 2]) % (2 * np.pi) - np.pi
-    return SolutionGroup(keys, poses, np.sqrt(x * x + y * y), theta_a, theta_b, region, clearance)
 
 
 @njit(cache=True, nogil=True)
