@@ -19,7 +19,8 @@ NOTE_SOLVE = """\
 *Answer*: `edit.json` and all solution groups are written; what `mhvedit solve` does after that, the check on the
 meshes and the report, is told apart. Seconds are of the whole process with `--answer-only`, from its start to its end;
 the fastest of two runs. Two segments are worked on at a time, so that their times overlap. Kernels are compiled
-already, and the system may have the OBJ files in memory.
+already, and the system may have the OBJ files in memory. Kept frames are converted meshes, and where each is (its
+centre and bounds).
 """
 NOTE_EDITS = """\
 The scene file is changed in one place, and solved again on the same folder. *Command*: `mhvedit solve --answer-only`,
