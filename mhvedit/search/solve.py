@@ -4,9 +4,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import local
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mhvedit.constraints.clauses import Clause, Option
 from mhvedit.constraints.dictionary import ever
@@ -210,25 +212,26 @@ def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -
                 reason[x, y] = number
 
 
-@njit(cache=True, nogil=True)
 def _by_yaw(among: BoolArray) -> BoolArray:
     """(X, Y, K) as (K, X, Y)."""
     n_x, n_y, n_k = among.shape
     out = np.empty((n_k, n_x, n_y), np.bool_)
-    for x in range(np.uint64(n_x)):
-        for k in range(np.uint64(n_k)):
-            for y in range(np.uint64(n_y)):
-                out[k, x, y] = among[x, y, k]
+    _lay(among, out.transpose(1, 2, 0))
     return out
 
 
-@njit(cache=True, nogil=True)
 def _by_place(found: ByteArray) -> ByteArray:
     """(K, X, Y) as (X, Y, K)."""
     n_k, n_x, n_y = found.shape
     out = np.empty((n_x, n_y, n_k), np.uint8)
-    for x in range(np.uint64(n_x)):
-        for k in range(np.uint64(n_k)):
-            for y in range(np.uint64(n_y)):
-                out[x, y, k] = found[k, x, y]
+    _lay(found.transpose(1, 2, 0), out)
     return out
+
+
+@njit(cache=True, nogil=True)
+def _lay(source: NDArray[Any], out: NDArray[Any]) -> None:
+    """Copy (X, Y, K) into an array that lies otherwise in memory, a plane of X at a time."""
+    for x in range(np.uint64(out.shape[0])):
+        for k in range(np.uint64(out.shape[2])):
+            for y in range(np.uint64(out.shape[1])):
+                out[x, y, k] = source[x, y, k]
