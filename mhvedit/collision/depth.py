@@ -14,6 +14,7 @@ from numba import njit
 
 from mhvedit.collision.boxes import Nine, Three
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.nearest import nearest_weights
 
 STACK = 512  # boxes that wait
 
@@ -233,29 +234,6 @@ def _nearest_on_triangle(local: FloatArray, faces: IntArray, f: int, p: FloatArr
         d4 += ac * (p[x] - local[j, x])
         d5 += ab * (p[x] - local[k, x])
         d6 += ac * (p[x] - local[k, x])
-    v, w = _barycentric(d1, d2, d3, d4, d5, d6)
+    v, w = nearest_weights(d1, d2, d3, d4, d5, d6)
     for x in range(3):
         out[x] = local[i, x] + v * (local[j, x] - local[i, x]) + w * (local[k, x] - local[i, x])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _barycentric(d1: float, d2: float, d3: float, d4: float, d5: float, d6: float) -> tuple[float, float]:
-    """Weights of the second and third corner of the nearest point: regions of the corners, edges, and the inside."""
-    if d1 <= 0.0 and d2 <= 0.0:
-        return 0.0, 0.0
-    if d3 >= 0.0 and d4 <= d3:
-        return 1.0, 0.0
-    vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        return d1 / (d1 - d3), 0.0
-    if d6 >= 0.0 and d5 <= d6:
-        return 0.0, 1.0
-    vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        return 0.0, d2 / (d2 - d6)
-    va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return 1.0 - w, w
-    total = va + vb + vc
-    return vb / total, vc / total

@@ -16,6 +16,7 @@ from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.closed import has_no_boundary
+from mhvedit.geometry.nearest import nearest_weights
 from mhvedit.scene.surfaces import SPACING, clearance, open_surface, points_of_large_faces
 from mhvedit.sequences.meshes import Mesh
 
@@ -235,7 +236,7 @@ def _deepest_squared(points: FloatArray, vertices: FloatArray, faces: Int32Array
 
 @njit(cache=True, nogil=True)
 def _to_face(p: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    """Squared distance of a point to a triangle (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    """Squared distance of a point to a triangle."""
     ab_x, ab_y, ab_z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     ac_x, ac_y, ac_z = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     x, y, z = p[0] - a[0], p[1] - a[1], p[2] - a[2]
@@ -243,23 +244,7 @@ def _to_face(p: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> floa
     ab_ab, ab_ac = ab_x * ab_x + ab_y * ab_y + ab_z * ab_z, ab_x * ac_x + ab_y * ac_y + ab_z * ac_z
     ac_ac = ac_x * ac_x + ac_y * ac_y + ac_z * ac_z
     d3, d4, d5, d6 = d1 - ab_ab, d2 - ab_ac, d1 - ab_ac, d2 - ac_ac
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    s, t = 0.0, 0.0
-    if d1 <= 0 and d2 <= 0:
-        pass
-    elif d3 >= 0 and d4 <= d3:
-        s = 1.0
-    elif d6 >= 0 and d5 <= d6:
-        t = 1.0
-    elif vc <= 0 and d1 >= 0 and d3 <= 0:
-        s = d1 / (d1 - d3)
-    elif vb <= 0 and d2 >= 0 and d6 <= 0:
-        t = d2 / (d2 - d6)
-    elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
-        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        s = 1 - t
-    else:
-        s, t = vb / (va + vb + vc), vc / (va + vb + vc)
+    s, t = nearest_weights(d1, d2, d3, d4, d5, d6)
     x, y, z = x - s * ab_x - t * ac_x, y - s * ab_y - t * ac_y, z - s * ab_z - t * ac_z
     return float(x * x + y * y + z * z)
 
