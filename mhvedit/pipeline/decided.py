@@ -1,12 +1,14 @@
-"""Maps that grow and are cut with the window: a pose that was decided once is not decided again.
+"""Maps that grow with what is asked: a pose that was decided once is not decided again.
 
-What becomes of a pose depends on the pose alone, and all windows lie on one lattice, so a kept map holds for every
-window inside its own, and of a larger one only the rim is left to do.
+What becomes of a pose depends on the pose alone, and all windows lie on one lattice, so a kept map says something of
+every window that it overlaps, whatever it was asked for at first: of a larger window the rim is left to do, and where
+an earlier constraint accepts more than it did, what it accepts now.
 """
 
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.geometry.runs import run_lengths
@@ -21,20 +23,29 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
     """What becomes of all poses of a grid: from what is kept, and from a search of the rest.
 
     Args:
-        store: where the map is kept, for the largest window so far.
+        store: where the map is kept, with all poses that were asked for so far.
         key: everything that the reason of a pose depends on.
         grid: the poses that are asked for.
         search: decides poses of that grid; those that it was not asked for come back as outside.
-        among: (X, Y, Yaw) poses that are to be decided; None for all.
+        among: (X, Y, Yaw) poses that are to be decided; None for all. The others come back as outside.
     """
     kept = store.kept(key)
-    if kept is not None and kept["window"] >= grid.window:
-        return ReasonMap(grid, _cut(kept, grid), tuple(kept["reasons"].tolist()))
-    found = search(among) if kept is None else _grown(kept, grid, search, among)
-    values, lengths = run_lengths(found.reason.ravel())
-    window, reasons = np.array(grid.window), np.array(found.reasons)
-    store.keep(key, {"values": values, "lengths": lengths.astype(np.int32), "reasons": reasons, "window": window})
-    return found
+    if kept is None:
+        found = search(among)
+        _keep(store, key, found, grid.window)
+        return found
+    reasons = tuple(kept["reasons"].tolist())
+    if among is None and kept["window"] == grid.window:
+        return ReasonMap(grid, _kept_map(kept, grid), reasons)
+    window = max(grid.window, float(kept["window"]))
+    known = _laid(kept, grid, window)
+    border = (len(known) - grid.size) // 2
+    here = known[border : border + grid.size, border : border + grid.size]
+    told, left, n_left = _looked_up(here, inside(grid) if among is None else among)
+    if n_left > 0:
+        _fill(told, here, left, search(left).reason)
+        _keep(store, key, ReasonMap(_with_window(grid, window), known, reasons), window)
+    return ReasonMap(grid, told, reasons)
 
 
 def inside(grid: PoseGrid) -> BoolArray:
@@ -45,27 +56,48 @@ def inside(grid: PoseGrid) -> BoolArray:
     return np.asarray(x[:, None] & y[None, :])
 
 
-def _grown(kept: Arrays, grid: PoseGrid, search: Search, among: BoolArray | None) -> ReasonMap:
-    """A kept map with the rim that a larger window adds."""
-    before = _with_window(grid, float(kept["window"]))
-    border = (grid.size - before.size) // 2
-    core = slice(border, border + before.size), slice(border, border + before.size)
-    known, rim = inside(before), inside(grid)
-    rim[core] &= ~known
-    found = search(rim if among is None else rim & among)
-    reason = found.reason.copy()
-    reason[core] = np.where(known, _kept_map(kept, before), reason[core])
-    return ReasonMap(grid, reason, found.reasons)
+def _keep(store: Store, key: Key, found: ReasonMap, window: float) -> None:
+    """Keep a map in place of a smaller one."""
+    values, lengths = run_lengths(found.reason.ravel())
+    reasons = np.array(found.reasons)
+    store.keep(
+        key, {"values": values, "lengths": lengths.astype(np.int32), "reasons": reasons, "window": np.array(window)}
+    )
 
 
-def _cut(kept: Arrays, grid: PoseGrid) -> ByteArray:
-    """The part of a kept map that lies in a grid of the same or a smaller window."""
-    if kept["window"] == grid.window:
-        return _kept_map(kept, grid)
-    reason = _kept_map(kept, _with_window(grid, float(kept["window"])))
-    border = (reason.shape[0] - grid.size) // 2
-    core = reason[border : border + grid.size, border : border + grid.size]
-    return np.where(inside(grid), core, np.uint8(OUTSIDE))
+def _laid(kept: Arrays, grid: PoseGrid, window: float) -> ByteArray:
+    """A kept map on the lattice of a window that is not smaller."""
+    before = _kept_map(kept, _with_window(grid, float(kept["window"])))
+    size = _with_window(grid, window).size
+    if size == len(before):
+        return before
+    known = np.full((size, size, grid.n_yaw), OUTSIDE, np.uint8)
+    border = (size - len(before)) // 2
+    known[border : border + len(before), border : border + len(before)] = before
+    return known
+
+
+@njit(cache=True, nogil=True)
+def _looked_up(known: ByteArray, asked: BoolArray) -> tuple[ByteArray, BoolArray, int]:
+    """(X, Y, Yaw) what is known of the poses that are asked for, which are not known, and how many these are."""
+    told, left, count = np.empty(asked.shape, np.uint8), np.empty(asked.shape, np.bool_), 0
+    for x in range(asked.shape[0]):
+        for y in range(asked.shape[1]):
+            for k in range(asked.shape[2]):
+                told[x, y, k] = known[x, y, k] if asked[x, y, k] else OUTSIDE
+                left[x, y, k] = asked[x, y, k] and known[x, y, k] == OUTSIDE
+                count += left[x, y, k]
+    return told, left, count
+
+
+@njit(cache=True, nogil=True)
+def _fill(told: ByteArray, known: ByteArray, left: BoolArray, found: ByteArray) -> None:
+    """Say what was found of the poses that were not known."""
+    for x in range(left.shape[0]):
+        for y in range(left.shape[1]):
+            for k in range(left.shape[2]):
+                if left[x, y, k]:
+                    told[x, y, k] = known[x, y, k] = found[x, y, k]
 
 
 def _kept_map(kept: Arrays, grid: PoseGrid) -> ByteArray:

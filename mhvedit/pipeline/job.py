@@ -1,7 +1,7 @@
 """The whole job, stage by stage: load, solve, choose, write."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, CancelledError, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -86,7 +86,14 @@ def load(path: Path | str, *, cache: Path | None = None) -> Job:
     return Job(scene, subjects, scene_fps(scene, subjects), store, props)
 
 
-def solve(job: Job, *, workers: int = 2, progress: Progress | None = None, previous: Result | None = None) -> Result:
+def solve(
+    job: Job,
+    *,
+    workers: int = 2,
+    progress: Progress | None = None,
+    previous: Result | None = None,
+    solved: Callable[[SolvedSegment], None] | None = None,
+) -> Result:
     """Solve a scene: people, then every key segment, then the chain and the paths.
 
     Args:
@@ -94,6 +101,7 @@ def solve(job: Job, *, workers: int = 2, progress: Progress | None = None, previ
         workers: threads; the result does not depend on it.
         progress: told what is being done.
         previous: of an earlier solve in this process; what has not changed since is taken from it.
+        solved: given each segment as soon as it is solved, in the thread that did.
     """
     if previous is not None:
         job = replace(job, store=replace(job.store, earlier=previous.job.store.used, used={}))
@@ -128,6 +136,8 @@ def solve(job: Job, *, workers: int = 2, progress: Progress | None = None, previ
         if segment.n_solutions == 0:
             tell(f"{stage}: why nothing fits", 0.0)
             miss = explain_empty(job.scene, segment, people, store=job.store, workers=workers)
+        if solved is not None:
+            solved(segment)
         return segment, miss, time.perf_counter() - started
 
     with ThreadPoolExecutor(min(workers, AT_ONCE)) as pool:
@@ -139,12 +149,12 @@ def solve(job: Job, *, workers: int = 2, progress: Progress | None = None, previ
             raise
         finally:
             pool.shutdown(cancel_futures=True)
-    solved = _results(futures)
-    misses = {segment.name: miss for segment, miss, _ in solved if miss is not None}
-    seconds |= {f"segment {segment.name}": spent for segment, _, spent in solved}
+    found = _results(futures)
+    misses = {segment.name: miss for segment, miss, _ in found if miss is not None}
+    seconds |= {f"segment {segment.name}": spent for segment, _, spent in found}
     tell("chain and paths", 0.0)
     started = time.perf_counter()
-    result = Result(job, people, tuple(segment for segment, _, _ in solved), None, None, misses, seconds)
+    result = Result(job, people, tuple(segment for segment, _, _ in found), None, None, misses, seconds)
     result = choose(result, {})
     seconds["chain and paths"] = time.perf_counter() - started
     return result

@@ -24,10 +24,10 @@ from mhvedit.volumes.subject import BODY
 FRAMES: Final = 1
 VOLUMES: Final = 1
 CONTACT: Final = 2
-BODIES: Final = 2
-SIGHT: Final = 2
+BODIES: Final = 3
+SIGHT: Final = 3
 CENTRES: Final = 1
-GROUP: Final = 2
+GROUP: Final = 3
 
 
 def segment_parts(spec: SegmentSpec) -> tuple[str, str]:
@@ -76,27 +76,24 @@ def contact_key(scene: SceneFile, spec: SegmentSpec, volumes: tuple[Key, Key]) -
     return ("contact", CONTACT, volumes, asked, scene.search.step, scene.search.yaw_step)
 
 
-def bodies_key(of_contact: Key, spec: SegmentSpec, ground: Key | None = None) -> Key:
-    """At which of these poses nothing meets that must not; `ground`: what the stage asks, if it does."""
-    asked = ("bodies", BODIES, of_contact, spec.apart, spec.tolerance.depth, spec.tolerance.apart)
-    return asked if ground is None else (*asked, ground)
+def bodies_key(scene: SceneFile, spec: SegmentSpec, volumes: tuple[Key, Key], ground: Key | None = None) -> Key:
+    """At which poses nothing meets that must not, in contact or not; `ground`: what the stage asks, if it does."""
+    asked = (spec.interaction.value, segment_parts(spec), spec.apart, spec.tolerance.depth, spec.tolerance.apart)
+    key = ("bodies", BODIES, volumes, asked, scene.search.step, scene.search.yaw_step)
+    return key if ground is None else (*key, ground)
 
 
-def sight_key(of_bodies: Key, cones: MutualSight | None) -> Key | None:
-    """At which of these poses each is in the other's sight; None where that is not asked for."""
+def sight_key(scene: SceneFile, volumes: tuple[Key, Key], cones: MutualSight | None) -> Key | None:
+    """At which poses each is in the other's sight; None where that is not asked for."""
     if cones is None:
         return None
-    return (
-        "sight",
-        SIGHT,
-        of_bodies,
-        [(c.eye.tolist(), c.direction.tolist(), c.half_angle) for c in (cones.a, cones.b)],
-    )
+    seen = [(c.eye.tolist(), c.direction.tolist(), c.half_angle) for c in (cones.a, cones.b)]
+    return ("sight", SIGHT, volumes, seen, scene.search.step, scene.search.yaw_step)
 
 
-def group_key(of_last: Key, *, window: float, facing: tuple[float, float], lever: float) -> Key:
-    """The solutions of a segment, named and measured: what the last map accepts."""
-    return ("group", GROUP, of_last, window, facing, lever)
+def group_key(maps: tuple[Key | None, ...], *, window: float, facing: tuple[float, float], lever: float) -> Key:
+    """The solutions of a segment, named and measured: what all maps accept."""
+    return ("group", GROUP, maps, window, facing, lever)
 
 
 def part_key(part: Part, numbers: IntArray, known: Contents) -> Key:

@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 from collections.abc import Collection, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -15,7 +15,6 @@ import numpy as np
 
 from mhvedit.errors import CaptureError, MhveditError, OutputBusy
 from mhvedit.files import replacing, write_arrays
-from mhvedit.geometry.moved import moved_poses
 from mhvedit.geometry.planar import invert
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.props_pass import entered
@@ -23,6 +22,7 @@ from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.stops_pass import stop_in_words
 from mhvedit.scene.edit import TOUCHED, EditedScene, edit_as_dict, touched_path
 from mhvedit.scene.report import SceneReport, report_as_dict
+from mhvedit.search.listing import listed
 
 EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
     "edit.json", "solutions", "report.json", "report.html", ".cache", "scene.json",
@@ -84,41 +84,69 @@ def claimed(folder: Path) -> Iterator[None]:
             raise
 
 
-def write_result(
-    folder: Path,
-    result: Result,
-    *,
-    report: Mapping[str, Any] | None = None,
-    standing: Collection[str] = (),
-    workers: int = 1,
-) -> None:
+def write_result(folder: Path, result: Result) -> None:
     """Write `edit.json`, the solution groups and where the scene came from, all of it or nothing.
-
-    What no longer holds is taken away: other solution groups, an edit where there is none now, reports on another one.
 
     Args:
         folder: of the output.
         result: of a solve.
-        report: the content of `report.json`; None for no such file.
-        standing: segments whose solution groups stand there already.
-        workers: threads.
+    """
+    with staging(folder) as staged:
+        for segment in result.segments:
+            staged.write_group(segment)
+        staged.put(result)
+
+
+@contextmanager
+def staging(folder: Path) -> Iterator["Staging"]:
+    """Write an answer beside the one that stands in an output folder; what is not put in its place is gone at the end.
+
+    Args:
+        folder: of the output.
     """
     staged = folder / STAGED
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
-    changed = [segment for segment in result.segments if segment.spec.name not in standing]
-    try:
-        (staged / SOLUTIONS).mkdir(parents=True)
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda s: write_solutions(staged / solutions_path(s.spec.name), s, result), changed))
+    with ThreadPoolExecutor(1) as pool:  # one group at a time: they are large
+        try:
+            (staged / SOLUTIONS).mkdir(parents=True)
+            yield Staging(folder, pool)
+        finally:
+            pool.shutdown(cancel_futures=True)
+            shutil.rmtree(staged, ignore_errors=True)
+
+
+class Staging:
+    """An answer that is being written."""
+
+    def __init__(self, folder: Path, pool: ThreadPoolExecutor) -> None:
+        self._folder, self._pool = folder, pool
+        self._groups: list[Future[None]] = []
+
+    def write_group(self, segment: SolvedSegment) -> None:
+        """Begin to write a solution group, while others are still being looked for."""
+        path = self._folder / STAGED / solutions_path(segment.name)
+        self._groups.append(self._pool.submit(write_solutions, path, segment))
+
+    def put(self, result: Result, *, report: Mapping[str, Any] | None = None, standing: Collection[str] = ()) -> None:
+        """Put the answer in place, once all groups are written.
+
+        What no longer holds is taken away: other solution groups, an edit where there is none now, reports on another.
+
+        Args:
+            result: of a solve; all groups of its segments were begun, but for those that stand.
+            report: the content of `report.json`; None for no such file.
+            standing: segments whose solution groups stand in the folder already.
+        """
+        folder, staged = self._folder, self._folder / STAGED
         write_json(staged / SOURCE, {"scene": os.path.relpath(result.job.scene.file.resolve(), folder.resolve())})
         if result.assembly is not None:
             write_json(staged / EDIT, edit_as_dict(result.assembly.scene))
             _copy_touched(staged, result.assembly.scene)
         if report is not None:
             write_json(staged / REPORT, report)
+        for group in self._groups:
+            group.result()
         _replace(staged, folder, {Path(solutions_path(name)) for name in standing})
-    finally:
-        shutil.rmtree(staged, ignore_errors=True)
 
 
 def _copy_touched(staged: Path, scene: EditedScene) -> None:
@@ -156,23 +184,18 @@ def _replace(staged: Path, folder: Path, standing: set[Path]) -> None:
         os.replace(staged / name, folder / name)
 
 
-def write_solutions(path: Path, segment: SolvedSegment, result: Result) -> None:
+def write_solutions(path: Path, segment: SolvedSegment) -> None:
     """Write a whole solution group and its map of reasons; poses are of B's capture frame in A's."""
-    a, b = (result.people[name] for name in segment.spec.between)
-    group, grid = segment.rows(np.arange(segment.n_solutions)), segment.grid  # not to be held on to: they are large
-    x, y, yaw = moved_poses(group.poses, left=a.pose, right=invert(b.pose))
+    a, b = (segment.stages.people[name] for name in segment.spec.between)
+    grid, found = segment.grid, segment.found
+    rows = listed(grid, segment.cells, facing=segment.facing, left=a.pose, right=invert(b.pose))
     arrays: dict[str, np.ndarray[Any, Any]] = {
-        "x": x,
-        "y": y,
-        "yaw": yaw,
-        "distance": group.distance,
-        "theta_a": group.theta_a,
-        "theta_b": group.theta_b,
-        "region": group.region,
-        "clearance": group.clearance,
+        **rows._asdict(),
+        "region": segment.region,
+        "clearance": segment.clearance,
         "penalty": segment.penalty,
-        "reason": segment.found.reason,
-        "reasons": np.array(segment.found.reasons),
+        "reason": found.reason,
+        "reasons": np.array(found.reasons),
         "axes_x": grid.offsets,
         "axes_y": grid.offsets,
         "axes_yaw": grid.yaws,

@@ -19,17 +19,19 @@ from mhvedit.pipeline.output import (
     PAGE,
     REPORT,
     SOURCE,
+    Staging,
     claimed,
     result_as_dict,
     solutions_path,
+    staging,
     touched_files,
     write_json,
-    write_result,
 )
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.picks import idle_exclusions
 from mhvedit.pipeline.progress import Progress
-from mhvedit.pipeline.standing import answer_files, forget, holds, note, standing_in
+from mhvedit.pipeline.segments import SolvedSegment
+from mhvedit.pipeline.standing import Standing, answer_files, forget, holds, note, standing_in
 from mhvedit.pipeline.store import Arrays, Store, capture_signature, hashed
 from mhvedit.pipeline.terms import segment_pair
 from mhvedit.project.schema import SubjectSpec
@@ -94,15 +96,22 @@ def run_scene(
         warnings = scene_warnings(job)
         for sentence in warnings:
             warn(sentence)
-        result = solve(job, workers=workers, progress=progress)
-        idle = idle_exclusions(job.scene.segments, result.segments, result.people)
-        for sentence in idle:
-            warn(sentence)
-        job.store.contents.save()
-        notes = () if result.assembly is None else result.assembly.notes
-        for sentence in notes:
-            warn(sentence)
-        outcome = _answered(out, result, warnings + idle + notes, started=started, workers=workers)
+        with staging(out) as staged:
+            standing = standing_in(out)
+
+            def solved(segment: SolvedSegment) -> None:
+                if not _stands(segment, standing):
+                    staged.write_group(segment)
+
+            result = solve(job, workers=workers, progress=progress, solved=solved)
+            idle = idle_exclusions(job.scene.segments, result.segments, result.people)
+            for sentence in idle:
+                warn(sentence)
+            job.store.contents.save()
+            notes = () if result.assembly is None else result.assembly.notes
+            for sentence in notes:
+                warn(sentence)
+            outcome = _answered(out, staged, standing, result, warnings + idle + notes, started=started)
         if answered is not None:
             answered(outcome)
         if check:
@@ -113,24 +122,27 @@ def run_scene(
     return outcome
 
 
-def _answered(out: Path, result: Result, warnings: tuple[str, ...], *, started: float, workers: int) -> Outcome:
+def _answered(
+    out: Path, staged: Staging, standing: Standing, result: Result, warnings: tuple[str, ...], *, started: float
+) -> Outcome:
     """Put the answer in place, unless it is there."""
-    key, standing = _answer_key(result), standing_in(out)
-    names = _solutions_names(result)
+    key, names = _answer_key(result), _solutions_names(result)
     files = answer_files(names, solved=result.assembly is not None) + list(_touched(result))
     if standing.answer == key and holds(standing, [*files, REPORT]):
         return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
-    there = [
-        name
-        for name, own in names.items()
-        if standing.solutions.get(name) == own and holds(standing, [solutions_path(name)])
-    ]
+    there = [segment.name for segment in result.segments if _stands(segment, standing)]
     forget(out)
     content = result_as_dict(result, None, ()) | {"warnings": list(warnings)}
     content["answer_seconds"] = round(time.perf_counter() - started, 3)
-    write_result(out, result, report=content, standing=there, workers=workers)
+    staged.put(result, report=content, standing=there)
     note(out, key, names, [*files, REPORT])
     return Outcome(result, content, redone=True)
+
+
+def _stands(segment: SolvedSegment, standing: Standing) -> bool:
+    """Whether a segment's solution group is in the output folder as it would be written."""
+    there = standing.solutions.get(segment.name) == _solutions_name(segment)
+    return there and holds(standing, [solutions_path(segment.name)])
 
 
 def _answer_key(result: Result) -> str:
@@ -150,7 +162,11 @@ def _touched(result: Result) -> dict[str, Path]:
 
 def _solutions_names(result: Result) -> dict[str, str]:
     """By segment, a name for everything that its file of solutions depends on."""
-    return {segment.name: f"{VERSION}/{segment.identity}" for segment in result.segments}
+    return {segment.name: _solutions_name(segment) for segment in result.segments}
+
+
+def _solutions_name(segment: SolvedSegment) -> str:
+    return f"{VERSION}/{segment.identity}"
 
 
 def _things_key(person: Person, store: Store) -> list[str]:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.stages import Pair, Progress, Stages, found_by, grid_of, group_of, segment_stages, volumes_of
 from mhvedit.pipeline.store import Arrays, Store, entry_name
@@ -65,6 +65,16 @@ class SolvedSegment:
         """(S,) where each solution is in the flattened grid, ascending."""
         return np.asarray(self._columns("cells")["cells"])
 
+    @property
+    def region(self) -> Int32Array:
+        """(S,) as in `SolutionGroup`."""
+        return np.asarray(self._columns("region")["region"])
+
+    @property
+    def clearance(self) -> FloatArray:
+        """(S,) m, as in `SolutionGroup`."""
+        return np.asarray(self._columns("clearance")["clearance"])
+
     @cached_property
     def penalty(self) -> FloatArray:
         """(S,) what the contact's quality speaks against each solution, m."""
@@ -81,8 +91,7 @@ class SolvedSegment:
         Args:
             rows: (N,) of the group.
         """
-        kept = self._columns("region", "clearance")
-        return described(self.grid, self.cells[rows], kept["region"][rows], kept["clearance"][rows], facing=self.facing)
+        return described(self.grid, self.cells[rows], self.region[rows], self.clearance[rows], facing=self.facing)
 
     def rows_at(self, keys: IntArray) -> IntArray:
         """Rows of lattice poses, -1 for those that are no solutions.
@@ -106,7 +115,7 @@ class SolvedSegment:
         Args:
             rows: (N,) of the group.
         """
-        clearance = np.asarray(self._columns("clearance")["clearance"][rows])
+        clearance = self.clearance[rows]
         return clearance - self.penalty[rows] if self.quality else clearance
 
     def keys(self, rows: IntArray) -> IntArray:

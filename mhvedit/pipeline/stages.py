@@ -89,8 +89,9 @@ def segment_stages(
     )
     cones, facing = segment_cones(spec, people, pair), (facing_a, facing_b)
     of_contact = contact_key(scene, spec, (a, b))
-    of_bodies = bodies_key(of_contact, spec, ground_key(scene, spec, store.contents))
-    of_sight = sight_key(of_bodies, cones)
+    of_bodies = bodies_key(scene, spec, (a, b), ground_key(scene, spec, store.contents))
+    of_sight = sight_key(scene, (a, b), cones)
+    maps = of_contact, of_bodies, of_sight
     return Stages(
         scene=scene,
         spec=spec,
@@ -104,7 +105,7 @@ def segment_stages(
         of_contact=of_contact,
         of_bodies=of_bodies,
         of_sight=of_sight,
-        of_group=group_key(of_sight or of_bodies, window=scene.search.window, facing=facing, lever=LEVER),
+        of_group=group_key(maps, window=scene.search.window, facing=facing, lever=LEVER),
     )
 
 

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mhvedit.geometry.arrays import FloatArray
-from mhvedit.geometry.moved import moved_poses
 from mhvedit.geometry.planar import apply_pose, compose, invert, rotation, wrap_angle
 
 POSES = arrays(np.float64, 3, elements=st.floats(-10, 10))
@@ -69,13 +68,3 @@ def test_a_rotation_keeps_lengths_and_orientation() -> None:
     matrices = rotation(np.linspace(-4, 4, 9))
     np.testing.assert_allclose(matrices @ matrices.transpose(0, 2, 1), np.tile(np.eye(2), (9, 1, 1)), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(matrices), 1)
-
-
-@given(left=POSES, right=POSES)
-def test_many_poses_move_as_one_does(left: FloatArray, right: FloatArray) -> None:
-    many = np.random.default_rng(0).normal(size=(7, 3)) * 3
-    expected = compose(compose(left, many), right)
-    x, y, yaw = moved_poses(many, left, right)
-    np.testing.assert_allclose(np.stack([x, y], 1), expected[:, :2], atol=1e-9)
-    np.testing.assert_allclose(rotation(yaw), rotation(expected[:, 2]), atol=1e-9)
-    assert (np.abs(yaw) <= np.pi).all()

@@ -13,7 +13,7 @@ from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.run import Outcome, run_scene
 from mhvedit.pipeline.terms import segment_clauses
 from mhvedit.search.solve import SightTest, search_poses
-from tests.pipeline.toy import LOWER_TABLE, Ran, files_of, write_scene
+from tests.pipeline.toy import LOWER_TABLE, RAISE_TABLE, Ran, files_of, write_scene
 
 pytestmark = pytest.mark.usefixtures("unmeasured")
 Command = Callable[..., Ran]
@@ -93,8 +93,40 @@ def test_there_and_back_again(folder: Path, searches: list[int], looks: list[int
     assert len(searches) == 4  # two segments in two windows
     accepted = first.segment("raise").counts
     rest = sum(count for reason, count in accepted.items() if "sight" in reason) + accepted["accepted"]
-    assert looks[0] == rest and len(looks) == 3  # in two windows, and with another angle
+    assert looks == [rest, rest]  # at two angles; the rim of the larger window holds none to look at
     same(first, last)
+
+
+@pytest.mark.parametrize("kept", ["on disk", "in memory"])
+def test_a_pose_is_not_tested_again_because_another_contact_is_asked_for(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kept: str
+) -> None:
+    """A laxer contact accepts more: only these are tested for bodies and sight. A stricter one accepts less."""
+    asked = {"bodies": 0, "sight": 0}
+    search = stages.__dict__["search_poses"]
+
+    def counted(grid: object, clauses: object, **options: object) -> object:
+        if options["among"] is not None:
+            asked["bodies" if clauses else "sight"] += int(np.count_nonzero(np.asarray(options["among"])))
+        return search(grid, clauses, **options)
+
+    def solved(change: tuple[Change, ...], previous: Result | None = None) -> tuple[Result, dict[str, int]]:
+        asked.update(bodies=0, sight=0)
+        cache = folder / "cache" if kept == "on disk" else None
+        result = api.solve(api.load(write_scene(folder, *change), cache=cache), previous=previous)
+        return result, dict(asked)
+
+    monkeypatch.setattr(stages, "search_poses", counted)
+    lax = RAISE_TABLE, RAISE_TABLE.replace("voxels = 1", "voxels = 2")
+    first, few = solved(())
+    second, more = solved((lax,), None if kept == "on disk" else first)
+    third, again = solved((), None if kept == "on disk" else second)
+    assert more["bodies"] > 0 and again == {"bodies": 0, "sight": 0}
+    asked.update(bodies=0, sight=0)
+    afresh = api.solve(api.load(write_scene(folder, lax)))
+    assert {kind: few[kind] + more[kind] for kind in few} == asked
+    same(second, afresh)
+    same(third, first)
 
 
 def test_what_did_not_change_is_taken_over(folder: Path) -> None:
