@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.duel import BUNDLED, FINE, edits, with_search
+from benchmarks.duel import BUNDLED, FINE, edits, edits_of_all, with_search
 from benchmarks.kept_figures import keep, kept
 from benchmarks.performance_page import write_page
 from benchmarks.process import COMMAND, Ran, measured, run, solve
@@ -108,7 +108,7 @@ def warm_edits(place: Place) -> Figures:
     """One change of the scene file at a time: the command again, and the Python interface in one process."""
     text, solved, by_command = place.scene.read_text(), place.solved(), {}
     try:
-        for what, new in edits().items():
+        for what, new in (edits() | edits_of_all()).items():
             out = copied(solved, place.scratch / "edited")
             place.scene.write_text(new)
             ran = solve(place.scene, out, "--answer-only")

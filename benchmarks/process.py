@@ -30,7 +30,7 @@ class Ran:
 
 
 def run(*command: str | Path, env: Mapping[str, str] | None = None) -> Ran:
-    """Run a program from the project's folder.
+    """Run a program from the project's folder, as users do whose modules are compiled to bytecode already.
 
     Args:
         command: the program and its arguments.
@@ -39,9 +39,10 @@ def run(*command: str | Path, env: Mapping[str, str] | None = None) -> Ran:
     Raises:
         CalledProcessError: it ended with an error.
     """
+    around = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | dict(env or {})
     began = time.perf_counter()
     with subprocess.Popen(
-        [str(word) for word in command], stdout=subprocess.PIPE, cwd=ROOT, env={**os.environ, **(env or {})}, text=True
+        [str(word) for word in command], stdout=subprocess.PIPE, cwd=ROOT, env=around, text=True
     ) as process:
         assert process.stdout is not None
         output = process.stdout.read()

@@ -10,7 +10,7 @@ import json
 import time
 from pathlib import Path
 
-from benchmarks.duel import edits
+from benchmarks.duel import edits, edits_of_all
 from mhvedit import api
 from mhvedit.pipeline.output import CACHE
 
@@ -34,7 +34,8 @@ def main() -> None:
     text = asked.scene.read_text()
     before = api.solve(api.load(asked.scene, cache=asked.out / CACHE))
     try:
-        print(json.dumps({what: answer_again(asked.scene, asked.out, before, new) for what, new in edits().items()}))
+        changes = edits() | edits_of_all()
+        print(json.dumps({what: answer_again(asked.scene, asked.out, before, new) for what, new in changes.items()}))
     finally:
         asked.scene.write_text(text)
 

@@ -64,9 +64,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
             if array.itemsize > 1 or array.size < WORTHWHILE:
                 _store(container, member, np.asarray(array, order="C"))
             else:
-                content = io.BytesIO()
-                np.lib.format.write_array(content, array, allow_pickle=False)
-                container.writestr(member, content.getbuffer(), zipfile.ZIP_DEFLATED, LEVEL)
+                container.writestr(member, _npy(array), zipfile.ZIP_DEFLATED, LEVEL)
 
 
 def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
@@ -129,12 +127,28 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
 
 def _store(container: zipfile.ZipFile, member: zipfile.ZipInfo, array: NDArray[Any]) -> None:
     """Write an array as it is, without a copy of it in memory."""
+    header = _npy_header(array)
+    member.file_size = len(header) + array.nbytes  # decides whether the sizes take 64 bits
+    with container.open(member, "w") as file:
+        file.write(header)
+        file.write(array.reshape(-1).view(np.uint8).data)
+
+
+def _npy(array: NDArray[Any]) -> memoryview:
+    """An array as an .npy file has it. What NumPy offers for this copies twice, and keeps other threads waiting."""
+    array = np.ascontiguousarray(array)
+    header = _npy_header(array)
+    content = np.empty(len(header) + array.nbytes, np.uint8)
+    content[: len(header)] = np.frombuffer(header, np.uint8)
+    content[len(header) :] = array.reshape(-1).view(np.uint8)
+    return content.data
+
+
+def _npy_header(array: NDArray[Any]) -> bytes:
+    """What comes before the numbers."""
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(array))
-    member.file_size = header.tell() + array.nbytes  # decides whether the sizes take 64 bits
-    with container.open(member, "w") as file:
-        file.write(header.getbuffer())
-        file.write(array.reshape(-1).view(np.uint8).data)
+    return header.getvalue()
 
 
 def _padding(start: int) -> bytes:

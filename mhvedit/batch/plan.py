@@ -54,7 +54,7 @@ def segment_key(scene: SceneFile, spec: SegmentSpec) -> str:
 
 def segment_size(scene: SceneFile, spec: SegmentSpec) -> float:
     """How much a segment is to search: poses times frames."""
-    poses = (scene.search.window / scene.search.step) ** 2 * scene.search.n_yaw
+    poses = (scene.window_of(spec) / scene.search.step) ** 2 * scene.search.n_yaw
     return poses * max(len(spec.frames[name]) for name in spec.between)
 
 

@@ -41,8 +41,8 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
     known = _laid(kept, grid, window)
     border = (len(known) - grid.size) // 2
     here = known[border : border + grid.size, border : border + grid.size]
-    told, left, n_left = _looked_up(here, inside(grid) if among is None else among)
-    if n_left > 0:
+    left, told = inside(grid) if among is None else among.copy(), np.empty(here.shape, np.uint8)
+    if _look_up(here, left, told):
         _fill(told, here, left, search(left).reason)
         _keep(store, key, ReasonMap(_with_window(grid, window), known, reasons), window)
     return ReasonMap(grid, told, reasons)
@@ -50,10 +50,8 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
 
 def inside(grid: PoseGrid) -> BoolArray:
     """(X, Y, Yaw) which poses of a grid have B's root in the window."""
-    roots = [grid.roots(k) for k in range(grid.n_yaw)]
-    limit = grid.window / 2 + 1e-9
-    x, y = (np.abs(np.stack([root[axis] for root in roots], 1)) <= limit for axis in (0, 1))
-    return np.asarray(x[:, None] & y[None, :])
+    x, y = grid.reach()
+    return np.asarray(x.T[:, None] & y.T[None, :])
 
 
 def _keep(store: Store, key: Key, found: ReasonMap, window: float) -> None:
@@ -78,16 +76,16 @@ def _laid(kept: Arrays, grid: PoseGrid, window: float) -> ByteArray:
 
 
 @njit(cache=True, nogil=True)
-def _looked_up(known: ByteArray, asked: BoolArray) -> tuple[ByteArray, BoolArray, int]:
-    """(X, Y, Yaw) what is known of the poses that are asked for, which are not known, and how many these are."""
-    told, left, count = np.empty(asked.shape, np.uint8), np.empty(asked.shape, np.bool_), 0
+def _look_up(known: ByteArray, asked: BoolArray, told: ByteArray) -> bool:
+    """Tell what is known of the poses that are asked for, and ask on for the others; whether there are any."""
+    some = False
     for x in range(asked.shape[0]):
         for y in range(asked.shape[1]):
             for k in range(asked.shape[2]):
                 told[x, y, k] = known[x, y, k] if asked[x, y, k] else OUTSIDE
-                left[x, y, k] = asked[x, y, k] and known[x, y, k] == OUTSIDE
-                count += left[x, y, k]
-    return told, left, count
+                asked[x, y, k] &= known[x, y, k] == OUTSIDE
+                some |= asked[x, y, k]
+    return some
 
 
 @njit(cache=True, nogil=True)

@@ -73,7 +73,7 @@ def ground_clauses(
     if scene.stage.floor:
         body = (a, b)[pinned].solids["body"]
         floor = np.array(scene.stage.floor)
-        off = _off_floor(floor, invert(canonical), body.centre[:2], other, scene.search.window)
+        off = _off_floor(floor, invert(canonical), body.centre[:2], other, scene.window_of(spec))
         if off.frames.any():
             found.append(clause(STAGE, off, _flat(other)))
     return tuple(found)

@@ -57,7 +57,7 @@ def explain_empty(
             "poses": np.array(miss.poses),
         }
 
-    kept = store.arrays(("miss", VERSION, segment.identity), build)
+    kept = store.arrays(("miss", VERSION, segment.identity, _window_key(segment.spec)), build)
     killed_by, nearest, passes_with = (str(word) for word in kept["words"])
     return Miss(killed_by, int(kept["poses"]), nearest, passes_with)
 
@@ -65,14 +65,14 @@ def explain_empty(
 def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Person], workers: int) -> Miss:
     reason = segment.found.reason
     if not (reason > OUTSIDE).any():
-        return Miss("the window", 0, "the window holds no pose at all: enlarge search.window", "")
+        return Miss("the window", 0, f"the window holds no pose at all: enlarge {_window_key(segment.spec)}", "")
     furthest = int(reason.max())
     among = _thinned(np.asarray(reason == furthest))
     killed_by, count = segment.found.reasons[furthest], int((reason == furthest).sum())
     volumes = segment.volumes()
     needed = _side_by_side(volumes)
-    if scene.search.window < needed:
-        words = f"search.window = {needed:.2g}"
+    if scene.window_of(segment.spec) < needed:
+        words = f"{_window_key(segment.spec)} = {needed:.2g}"
         return Miss(
             killed_by, count, f"the window is too small for the bodies to stand side by side: try {words}", words
         )
@@ -86,6 +86,11 @@ def _explained(scene: SceneFile, segment: SolvedSegment, people: Mapping[str, Pe
         if passing:
             return Miss(killed_by, count, f"with {words} there would be {passing:,} solutions", words)
     return Miss(killed_by, count, "no pose passes even with a much larger tolerance of that constraint alone", "")
+
+
+def _window_key(spec: SegmentSpec) -> str:
+    """Where the scene file says how large a segment's window is."""
+    return "search.window" if spec.window is None else "window"
 
 
 def _side_by_side(volumes: tuple[SubjectVolumes, SubjectVolumes]) -> float:

@@ -12,6 +12,7 @@ from mhvedit.volumes.history import MotionHistoryVolume
 from mhvedit.volumes.subject import PartVolume, SubjectVolumes
 
 Arrays = Mapping[str, NDArray[Any]]
+BODY_ARRAYS = ("n_frames", "pitch", "box_0", "where_0", "words_0")  # a subject's solids begin with the body
 
 
 def packed(volumes: SubjectVolumes) -> dict[str, NDArray[Any]]:
@@ -48,6 +49,15 @@ def unpacked(arrays: Arrays) -> SubjectVolumes:
     volumes = {name: _volume(arrays, i) for i, name in enumerate(names)}
     parts = {name: PartVolume(volumes[name], solid) for name, solid in zip(names, cut_from, strict=True)}
     return SubjectVolumes({name: volumes[name] for name, part in parts.items() if part.solid == name}, parts)
+
+
+def unpacked_body(arrays: Arrays) -> MotionHistoryVolume:
+    """The body alone, of a subject whose volumes were packed.
+
+    Args:
+        arrays: from `packed`; those that `BODY_ARRAYS` names suffice.
+    """
+    return _volume(arrays, 0)
 
 
 def _volume(arrays: Arrays, i: int) -> MotionHistoryVolume:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
+from numba import njit
 
 from mhvedit.errors import CaptureError, SceneError
-from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.geometry.runs import byte_counts
 from mhvedit.optimise.quality import contact_penalty
@@ -23,7 +24,7 @@ from mhvedit.pipeline.keys import (
     used_parts,
     volumes_key,
 )
-from mhvedit.pipeline.packing import packed, unpacked
+from mhvedit.pipeline.packing import BODY_ARRAYS, packed, unpacked, unpacked_body
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.store import Arrays, Key, Store
 from mhvedit.pipeline.terms import (
@@ -40,7 +41,7 @@ from mhvedit.search.poses import PoseGrid
 from mhvedit.search.sight import MutualSight
 from mhvedit.search.solve import BASE_REASONS, ReasonMap, SightTest, search_poses
 from mhvedit.sequences.segments import SegmentPair
-from mhvedit.volumes.history import frame_centres, word_count
+from mhvedit.volumes.history import MotionHistoryVolume, frame_centres, word_count
 from mhvedit.volumes.subject import SubjectVolumes, part_of, subject_volumes
 
 MOST_WORDS = 1 << 29  # 64-bit words that one volume may take: 4 GB
@@ -105,7 +106,7 @@ def segment_stages(
         of_contact=of_contact,
         of_bodies=of_bodies,
         of_sight=of_sight,
-        of_group=group_key(maps, window=scene.search.window, facing=facing, lever=LEVER),
+        of_group=group_key(maps, window=scene.window_of(spec), facing=facing, lever=LEVER),
     )
 
 
@@ -121,7 +122,7 @@ def volumes_of(stages: Stages) -> Pair:
 
 def grid_of(stages: Stages) -> PoseGrid:
     """The candidate poses."""
-    return segment_grid(stages.scene, _centres(stages, 0)["root"], _centres(stages, 1)["root"])
+    return segment_grid(stages.scene, stages.spec, _centres(stages, 0)["root"], _centres(stages, 1)["root"])
 
 
 def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None) -> ReasonMap:
@@ -147,8 +148,12 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
 
     def sight(among: BoolArray | None) -> ReasonMap:
         assert stages.cones is not None
-        test = SightTest(stages.cones, volumes()[0].body, volumes()[1].body)
-        return search((), sight=test, among=among)
+        a, b = (
+            (own.body for own in volumes())
+            if volumes.cache_info().currsize
+            else (_body(stages, side) for side in (0, 1))
+        )
+        return search((), sight=SightTest(stages.cones, a, b), among=among)
 
     found = decided(stages.store, stages.of_contact, grid, contact)
     found = _further(found, decided(stages.store, stages.of_bodies, grid, bodies, among=found.accepted))
@@ -203,10 +208,17 @@ def _penalties(stages: Stages, grid: PoseGrid, cells: IntArray) -> FloatArray:
 
 
 def _further(found: ReasonMap, more: ReasonMap) -> ReasonMap:
-    """A map whose accepted poses were tested for more."""
-    reason, shift = found.reason.copy(), np.uint8(len(found.reasons) - len(BASE_REASONS))
-    np.add(more.reason, shift, out=reason, where=more.reason >= len(BASE_REASONS))
-    return ReasonMap(found.grid, reason, found.reasons + more.reasons[len(BASE_REASONS) :])
+    """A map whose accepted poses were tested for more; it takes the place of the first one."""
+    _blame(found.reason.ravel(), more.reason.ravel(), len(BASE_REASONS), len(found.reasons))
+    return ReasonMap(found.grid, found.reason, found.reasons + more.reasons[len(BASE_REASONS) :])
+
+
+@njit(cache=True, nogil=True)
+def _blame(reason: ByteArray, more: ByteArray, first: int, instead: int) -> None:
+    """Say why poses were rejected further on: by reason `first` and later ones, which come to stand as `instead`."""
+    for n in range(reason.shape[0]):
+        if more[n] >= first:
+            reason[n] = more[n] - first + instead
 
 
 def _centres(stages: Stages, side: int) -> Arrays:
@@ -239,6 +251,12 @@ def _volumes(stages: Stages, side: int) -> SubjectVolumes:
         return packed(made)
 
     return unpacked(stages.store.arrays(stages.of_volumes[side], build))
+
+
+def _body(stages: Stages, side: int) -> MotionHistoryVolume:
+    """A subject's body alone, where the rest is not needed."""
+    kept = stages.store.kept(stages.of_volumes[side], names=BODY_ARRAYS)
+    return _volumes(stages, side).body if kept is None else unpacked_body(kept)
 
 
 def _check_size(scene: SceneFile, person: Person, numbers: IntArray) -> None:

@@ -217,10 +217,11 @@ def _stops(result: Result) -> list[str]:
 
 def _settings(result: Result) -> Mapping[str, str]:
     search, optimise = result.job.scene.search, result.job.scene.optimise
+    own = [f"; {spec.name}: {spec.window:g} m" for spec in result.job.scene.segments if spec.window is not None]
     return {
         "voxel": f"{search.voxel * 1000:g} mm",
         "step": f"{search.step * 1000:g} mm, {np.degrees(search.yaw_step):g} degrees",
-        "window": f"{search.window:g} m",
+        "window": f"{search.window:g} m{''.join(own)}",
         "facing weight": f"{optimise.facing_weight:g} m²",
         "path": f"acceleration {optimise.acceleration:g}, alpha {optimise.alpha:g}",
     }

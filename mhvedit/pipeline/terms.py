@@ -72,10 +72,10 @@ def bodies_clauses(spec: SegmentSpec, a: SubjectVolumes, b: SubjectVolumes, *, p
     )
 
 
-def segment_grid(scene: SceneFile, root_a: FloatArray, root_b: FloatArray) -> PoseGrid:
+def segment_grid(scene: SceneFile, spec: SegmentSpec, root_a: FloatArray, root_b: FloatArray) -> PoseGrid:
     """Candidate poses of a segment whose roots are known."""
-    search = scene.search
-    return pose_grid(root_a, root_b, pitch=search.voxel, stride=search.stride, n_yaw=search.n_yaw, window=search.window)
+    search, window = scene.search, scene.window_of(spec)
+    return pose_grid(root_a, root_b, pitch=search.voxel, stride=search.stride, n_yaw=search.n_yaw, window=window)
 
 
 def segment_contact(spec: SegmentSpec, a: Arrays, b: Arrays, n_frames: int) -> ContactMotion | None:

@@ -156,6 +156,7 @@ class SegmentSpec:
     tolerance: Tolerance
     pin: Spot | None = None  # the solution that the editor insists on
     exclude: tuple[Exclusion, ...] = ()
+    window: float | None = None  # m, in place of that of `[search]`
 
     @property
     def key(self) -> str:
@@ -255,3 +256,7 @@ class SceneFile:
     optimise: OptimiseSettings = field(default_factory=OptimiseSettings)
     stage: StageSpec = field(default_factory=StageSpec)
     props: Mapping[str, PropSpec] = field(default_factory=dict)  # in the file's order
+
+    def window_of(self, segment: SegmentSpec) -> float:
+        """Side of the square around A's root that a segment is searched in, m."""
+        return self.search.window if segment.window is None else segment.window

@@ -25,6 +25,7 @@ KEYS: Final[Mapping[str, Any]] = {
     "tolerance": {},
     "pin": None,
     "exclude": [],
+    "window": None,
 }
 SPOT: Final[Mapping[str, Any]] = {"x": None, "y": None, "yaw": None}
 PAIRS: Final = '"auto", "none", or pairs like ["body", "body"]'
@@ -93,6 +94,7 @@ def _segment(at: Value, index: int, subjects: Mapping[str, SubjectSpec]) -> Segm
         tolerance=_tolerance(entries["tolerance"]),
         pin=None if entries["pin"].value is None else _spot(fields(entries["pin"], SPOT)),
         exclude=_exclude(entries["exclude"]),
+        window=None if entries["window"].value is None else number(entries["window"], above=0),
     )
 
 

@@ -85,11 +85,6 @@ def fitted_layout(low: int, high: int, *, n_frames: int, n_slabs: int) -> Layout
     return Layout(low, n_slabs, lanes, max(1, -(-(high - low) // (n_slabs * lanes))))
 
 
-def moment_layout(low: int, high: int) -> Layout:
-    """The layout of a volume of one moment in which a slab is 64 voxels."""
-    return Layout(low, max(1, -(-(high - low) // WORD)), WORD, 1)
-
-
 def columns_of(volume: MotionHistoryVolume, layout: Layout, *, word: int = 0) -> Columns:
     """Collect the columns of a volume that hold anything.
 
@@ -105,9 +100,18 @@ def columns_of(volume: MotionHistoryVolume, layout: Layout, *, word: int = 0) ->
     voxels = _packed(frames, cells, z + first - layout.low, layout.n_slabs, layout.lanes, layout.tall)
     some, every = (voxels, voxels) if layout.tall == 1 else _pooled(voxels, layout.tall)
     start = np.array(volume.grid.start[:2])
+    return Columns(layout, column_of, start, some, every, voxels, outline_of(cells, start))
+
+
+def outline_of(cells: Int32Array, start: IntArray) -> FloatArray:
+    """What `Columns.outline` is.
+
+    Args:
+        cells: (C, 2) x and y of the occupied columns, row by row.
+        start: (2,) lattice index of column (0, 0).
+    """
     ends = np.flatnonzero(np.diff(cells[:, 0], prepend=-1, append=-1))
-    outline = np.concatenate([cells[ends[:-1]], cells[ends[1:] - 1]]) + start
-    return Columns(layout, column_of, start, some, every, voxels, outline.astype(np.float64))
+    return np.asarray(np.concatenate([cells[ends[:-1]], cells[ends[1:] - 1]]) + start, np.float64)
 
 
 def turned(columns: Columns, yaw: float, scratch: Scratch | None = None) -> TurnedColumns:

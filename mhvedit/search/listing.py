@@ -11,7 +11,7 @@ from mhvedit.search.poses import PoseGrid
 
 
 class Listing(NamedTuple):
-    """Columns with one row a solution, by the names that they are written under."""
+    """Columns with one row a solution, by the names that they are written under; a tuple, since a kernel takes it."""
 
     x: FloatArray  # (S,) m
     y: FloatArray  # (S,) m
@@ -38,11 +38,13 @@ def listed(
     """
     turned_b = rotation(grid.yaws) @ grid.root_b
     turned = turned_b - grid.root_a
-    return Listing(*_listed(cells, grid.size, grid.base, grid.step, grid.yaws, turned, np.array(facing), left, right))
+    rows = Listing(*np.empty((len(Listing._fields), len(cells))))
+    _list(cells, grid.size, grid.base, grid.step, grid.yaws, turned, np.array(facing), left, right, rows)
+    return rows
 
 
 @njit(cache=True, nogil=True)
-def _listed(
+def _list(
     cells: IntArray,
     size: int,
     base: IntArray,
@@ -52,15 +54,14 @@ def _listed(
     facing: FloatArray,
     left: FloatArray,
     right: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The columns; `turned` is B's turned root less A's root, for each yaw."""
-    count = cells.shape[0]
-    x, y, yaw = np.empty(count), np.empty(count), np.empty(count)
-    distance, theta_a, theta_b = np.empty(count), np.empty(count), np.empty(count)
+    out: Listing,
+) -> None:
+    """Fill in the columns; `turned` is B's turned root less A's root, for each yaw."""
+    x, y, yaw, distance, theta_a, theta_b = out
     c, s = np.cos(left[2]), np.sin(left[2])
     turns = left[2] + yaws
     cosines, sines = np.cos(turns), np.sin(turns)
-    for n in range(count):
+    for n in range(cells.shape[0]):
         row, k = divmod(np.int64(cells[n]), yaws.shape[0])
         at_x, at_y = (base[k, 0] + row // size) * step, (base[k, 1] + row % size) * step
         x[n] = left[0] + c * at_x - s * at_y + cosines[k] * right[0] - sines[k] * right[1]
@@ -71,4 +72,3 @@ def _listed(
         distance[n] = np.sqrt(along * along + across * across)
         theta_a[n] = (bearing - facing[0] + np.pi) % (2 * np.pi) - np.pi
         theta_b[n] = (bearing - facing[1] - yaws[k]) % (2 * np.pi) - np.pi
-    return x, y, yaw, distance, theta_a, theta_b

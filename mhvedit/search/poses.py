@@ -56,9 +56,15 @@ class PoseGrid:
 
     def inside(self, k: int) -> BoolArray:
         """(size, size) which cells of one yaw have B's root in the window."""
-        x, y = self.roots(k)
-        limit = self.window / 2 + 1e-9
-        return np.asarray((np.abs(x) <= limit)[:, None] & (np.abs(y) <= limit)[None, :])
+        x, y = self.reach()
+        return np.asarray(x[k][:, None] & y[k][None, :])
+
+    def reach(self) -> tuple[BoolArray, BoolArray]:
+        """(n_yaw, size) at which steps along x, and along y, B's root is in the window: where both are, a cell is."""
+        turned = rotation(self.yaws) @ self.root_b - self.root_a
+        along = (self.base[:, :, None] + np.arange(self.size)) * self.step + turned[:, :, None]
+        there = np.abs(along) <= self.window / 2 + 1e-9
+        return there[:, 0], there[:, 1]
 
 
 def pose_grid(

@@ -14,7 +14,7 @@ from mhvedit.constraints.visibility import SightCone
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.planar import rotation
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.columns import WORD, Columns, TurnedColumns, columns_of, moment_layout
+from mhvedit.search.columns import EMPTY, WORD, Columns, Layout, TurnedColumns, outline_of
 from mhvedit.volumes.history import MotionHistoryVolume
 
 TOP = 6
@@ -33,9 +33,11 @@ class MutualSight:
 
 
 def whole_columns(volume: MotionHistoryVolume) -> Columns:
-    """All of a volume of one moment, as it is looked at."""
-    low = volume.grid.start[2]
-    return columns_of(volume, moment_layout(low, low + volume.grid.shape[2]))
+    """All that is ever filled of a volume, as it is looked at: of one moment, with slabs of 64 voxels."""
+    start = np.array(volume.grid.start)
+    layout = Layout(int(start[2]), max(1, -(-volume.frames.shape[2] // WORD)), WORD, 1)
+    column_of, cells, voxels = _ever(volume.frames, layout.n_slabs)
+    return Columns(layout, column_of, start[:2], voxels, voxels, voxels, outline_of(cells, start[:2]))
 
 
 def a_sees_b(
@@ -90,6 +92,32 @@ View = tuple[FloatArray, FloatArray, float, float, float, float]  # eye, directi
 Cubes = tuple[Words, IntArray, IntArray, FloatArray]
 """Columns (N, W) of cubes of all levels, one level after the other, a bit for each cube that holds anything, at the
 height of its first voxel; where a level begins; its columns along y; lattice index (3,) of the first voxel."""
+
+
+@njit(cache=True, nogil=True)
+def _ever(frames: Words, n_slabs: int) -> tuple[Int32Array, Int32Array, Words]:
+    """(X, Y) number of each column, (C - 1, 2) x, y, and (C, S) a bit for each voxel that is ever filled."""
+    n_x, n_y, n_z, n_words = frames.shape
+    column_of = np.full((n_x, n_y), EMPTY, np.int32)
+    cells = np.empty((n_x * n_y, 2), np.int32)
+    voxels = np.zeros((n_x * n_y + 1, n_slabs), np.uint64)
+    n = 0
+    for x in range(n_x):
+        for y in range(n_y):
+            column, out, some = frames[x, y], voxels[n + 1], np.uint64(0)
+            for z in range(n_z):
+                for w in range(n_words):
+                    some |= column[z, w]
+            if some == 0:
+                continue
+            for z in range(n_z):
+                for w in range(n_words):
+                    if column[z, w] != 0:
+                        out[z // WORD] |= np.uint64(1) << np.uint64(z % WORD)
+            cells[n, 0], cells[n, 1] = x, y
+            n += 1
+            column_of[x, y] = EMPTY + n
+    return column_of, cells[:n].copy(), voxels[: n + 1].copy()
 
 
 @njit(cache=True, nogil=True)

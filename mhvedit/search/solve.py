@@ -11,7 +11,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mhvedit.constraints.clauses import Clause, Option
-from mhvedit.constraints.dictionary import ever
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.search.columns import Columns, TurnedColumns, turned
@@ -25,6 +24,7 @@ from mhvedit.volumes.history import MotionHistoryVolume
 
 ACCEPTED, OUTSIDE = 0, 1
 BASE_REASONS = ("accepted", "outside the window")
+PORTIONS = 32  # in which the yaws are handed to the threads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,18 +89,23 @@ def search_poses(
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
     found = np.empty((grid.n_yaw, grid.size, grid.size), np.uint8)
     asked = None if among is None else _by_yaw(among)
+    along_x, along_y = grid.reach()
     desks = local()
 
-    def decide(k: int) -> None:
+    def decide(yaws: range) -> None:
         if not hasattr(desks, "own"):
             desks.own = _Desk(prepared)
-        alive = grid.inside(k) if asked is None else grid.inside(k) & asked[k]
-        _mark_reasons(grid, clauses, sight, desks.own, k, alive, found[k])
+        for k in yaws:
+            alive = np.empty((grid.size, grid.size), np.bool_)
+            if _begin(along_x[k], along_y[k], alive if asked is None else asked[k], asked is None, alive, found[k]):
+                _mark_reasons(grid, clauses, sight, desks.own, k, alive, found[k])
 
+    portion = max(1, grid.n_yaw // PORTIONS)
+    portions = [range(k, min(k + portion, grid.n_yaw)) for k in range(0, grid.n_yaw, portion)]
     with ThreadPoolExecutor(workers) as pool:
-        for done, _ in enumerate(pool.map(decide, range(grid.n_yaw)), start=1):
+        for done, _ in enumerate(pool.map(decide, portions), start=1):
             if progress is not None:
-                progress(done / grid.n_yaw)
+                progress(done / len(portions))
     return ReasonMap(grid, _by_place(found), reasons)
 
 
@@ -109,7 +114,7 @@ def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
     facings = facings_of(meetings)
     if sight is None:
         return _Prepared(facings, None, None)
-    return _Prepared(facings, turned(whole_columns(ever(sight.a)), 0.0), whole_columns(ever(sight.b)))
+    return _Prepared(facings, turned(whole_columns(sight.a), 0.0), whole_columns(sight.b))
 
 
 class _Desk:
@@ -142,28 +147,24 @@ def _mark_reasons(
     alive: BoolArray,
     reason: ByteArray,
 ) -> None:
-    """Find the (size, size) reasons at one yaw, of the poses that are to be tested."""
-    np.logical_not(alive, out=reason.view(np.bool_))  # OUTSIDE or ACCEPTED
+    """Find the (size, size) reasons at one yaw, of the poses that are to be tested, of which there are some."""
     for number, clause in enumerate(clauses, start=len(BASE_REASONS)):
-        if not alive.any():
-            return
         passed = _passing(clause.options[0], alive.copy(), desk, grid, k)
         for option in clause.options[1:]:
             passed |= _passing(option, alive & ~passed, desk, grid, k)
-        _mark(reason, alive, passed, number)
+        if not _mark(reason, alive, passed, number):
+            return
         alive = passed
-    if sight is not None and alive.any():
+    if sight is not None:
         _mark_unseen(reason, alive, sight.cones, desk, grid, k, len(BASE_REASONS) + len(clauses))
 
 
 def _passing(option: Option, asked: BoolArray, desk: _Desk, grid: PoseGrid, k: int) -> BoolArray:
     """Of the poses asked for, those at which an option holds; overwrites what was asked."""
     for meeting, wanted in [(meeting, True) for meeting in option.must] + [(m, False) for m in option.never]:
-        if not asked.any():
-            break
         met = _meeting(desk.prepared.facings[id(meeting)], meeting.every is not None, asked, desk, grid, k)
-        np.equal(met, wanted, out=met)
-        asked &= met
+        if not _narrow(asked, met, wanted):
+            break
     return asked
 
 
@@ -204,12 +205,40 @@ def _mark_unseen(
 
 
 @njit(cache=True, nogil=True)
-def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -> None:
-    """Blame a constraint for what was alive and did not pass it."""
+def _begin(
+    along_x: BoolArray, along_y: BoolArray, asked: BoolArray, all_of_them: bool, alive: BoolArray, reason: ByteArray
+) -> bool:
+    """Let the poses in the window live that are asked for; whether there are any."""
+    some = False
+    for x in range(alive.shape[0]):
+        for y in range(alive.shape[1]):
+            lives = along_x[x] and along_y[y] and (all_of_them or asked[x, y])
+            alive[x, y], reason[x, y] = lives, ACCEPTED if lives else OUTSIDE
+            some |= lives
+    return some
+
+
+@njit(cache=True, nogil=True)
+def _narrow(asked: BoolArray, met: BoolArray, wanted: bool) -> bool:
+    """Ask on only where what was met is what is wanted; whether any pose is left."""
+    some = False
+    for x in range(asked.shape[0]):
+        for y in range(asked.shape[1]):
+            asked[x, y] &= met[x, y] == wanted
+            some |= asked[x, y]
+    return some
+
+
+@njit(cache=True, nogil=True)
+def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -> bool:
+    """Blame a constraint for what was alive and did not pass it; whether anything did."""
+    some = False
     for x in range(reason.shape[0]):
         for y in range(reason.shape[1]):
             if alive[x, y] and not passed[x, y]:
                 reason[x, y] = number
+            some |= passed[x, y]
+    return some
 
 
 def _by_yaw(among: BoolArray) -> BoolArray:

@@ -28,6 +28,7 @@ def test_the_tasks_of_a_scene_come_after_what_they_need(folder: Path) -> None:
         ('name = "lower"', 'name = "lower"\npin = {x = 0, y = 0, yaw = 0}', 4),
         ("half_angle = 60", "half_angle = 50", 3),
         ("window = 2.4", "window = 2.2", 2),
+        ('name = "lower"', 'name = "lower"\nwindow = 2.2', 3),
         ('path = "ben"\nfps = 30', 'path = "ben"\nfps = 25', 1),
     ],
 )

@@ -243,10 +243,15 @@ def test_a_window_too_small_for_the_bodies(mhvedit: Command, folder: Path) -> No
         ("0.2", "the window is too small for the bodies to stand side by side: try search.window = "),
         ("0.0001", "the window holds no pose at all: enlarge search.window"),
     ):
-        write_scene(folder, ("window = 2.4", f"window = {window}"))
-        ran = mhvedit("solve", folder / "scene.toml", "-o", folder / "out", "--no-report")
-        assert ran.code == 1, window
-        assert words in ran.out, ran.out
+        everywhere, here = (
+            ("window = 2.4", f"window = {window}"),
+            ('name = "raise"', f'name = "raise"\nwindow = {window}'),
+        )
+        for change, said in ((everywhere, words), (here, words.replace("search.window", "window"))):
+            write_scene(folder, change)
+            ran = mhvedit("solve", folder / "scene.toml", "-o", folder / "out", "--no-report")
+            assert ran.code == 1, window
+            assert said in ran.out, ran.out
 
 
 def test_nothing_fits(mhvedit: Command, folder: Path, searches: list[int]) -> None:

@@ -22,6 +22,7 @@ VISIBILITY: Change = ("visibility = {half_angle = 60}", "visibility = {half_angl
 BLIND: Change = ("visibility = {half_angle = 60}", "visibility = false")
 NARROW: Change = ("window = 2.4", "window = 1.9")
 WIDE: Change = ("window = 2.4", "window = 2.9")
+WIDER: Change = ('name = "lower"', 'name = "lower"\nwindow = 2.9')
 DEEP: Change = (LOWER_TABLE, LOWER_TABLE.replace("depth = 0.06", "depth = 0.08"))
 NEAR: Change = (LOWER_TABLE, LOWER_TABLE.replace("voxels = 1", "voxels = 2"))
 
@@ -58,8 +59,8 @@ def same(a: Result, b: Result) -> None:
 @pytest.mark.parametrize("kept", ["on disk", "in memory", "both"])
 @pytest.mark.parametrize(
     ("change", "searched"),
-    [(VISIBILITY, []), (BLIND, []), (NARROW, []), (WIDE, [75, 75]), (DEEP, []), (NEAR, [63])],
-    ids=["visibility", "blind", "narrow", "wide", "depth", "voxels"],
+    [(VISIBILITY, []), (BLIND, []), (NARROW, []), (WIDE, [75, 75]), (WIDER, [75]), (DEEP, []), (NEAR, [63])],
+    ids=["visibility", "blind", "narrow", "wide", "wider", "depth", "voxels"],
 )
 def test_a_change_finds_what_a_run_from_nothing_finds(
     folder: Path, searches: list[int], kept: str, change: Change, searched: list[int]

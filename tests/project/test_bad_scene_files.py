@@ -154,7 +154,7 @@ SEGMENT_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "misnamed": (
         ('name = "hold"', 'nam = "hold"'),
         "[1].nam: expected one of name, between, frames, interaction, parts, apart, visibility, retime, tolerance, "
-        'pin, exclude, found an unknown key (did you mean "name"?)',
+        'pin, exclude, window, found an unknown key (did you mean "name"?)',
     ),
     "no name": (('name = "hold"', ""), "[1].name: expected a name of letters, digits, . _ -, found nothing"),
     "bad name": (('"hold"', '"a/b"'), '[1].name: expected a name of letters, digits, . _ -, found "a/b"'),
@@ -165,12 +165,12 @@ SEGMENT_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "unknown key": (
         ('"0&0a"', '"0&0a"\ntolerence = {}'),
         '[1] "hold".tolerence: expected one of name, between, frames, interaction, parts, apart, visibility, retime, '
-        'tolerance, pin, exclude, found an unknown key (did you mean "tolerance"?)',
+        'tolerance, pin, exclude, window, found an unknown key (did you mean "tolerance"?)',
     ),
     "pinned": (
         ('"0&0a"', '"0&0a"\npinned = 3'),
         '[1] "hold".pinned: expected one of name, between, frames, interaction, parts, apart, visibility, retime, '
-        'tolerance, pin, exclude, found an unknown key (did you mean "pin"?)',
+        'tolerance, pin, exclude, window, found an unknown key (did you mean "pin"?)',
     ),
     "pin": (('"0&0a"', '"0&0a"\npin = 3'), '[1] "hold".pin: expected a table, found 3'),
     "pin without yaw": (
@@ -278,6 +278,10 @@ SEGMENT_ERRORS: dict[str, tuple[tuple[str, str], str]] = {
     "retime": (
         ('"0&0a"', '"0&0a"\nretime = "flor"'),
         '[1] "hold".retime: expected one of endpoints, floor, found "flor" (did you mean "floor"?)',
+    ),
+    "window of a segment": (
+        ('"0&0a"', '"0&0a"\nwindow = 0'),
+        '[1] "hold".window: expected a number above 0, found 0',
     ),
     "tolerance type": (('"0&0a"', '"0&0a"\ntolerance = 2'), '[1] "hold".tolerance: expected a table, found 2'),
     "tolerance key": (

@@ -67,7 +67,7 @@ def test_everything_that_can_be_said(scene_with: SceneWith, folder: Path) -> Non
             'glove = {label = 3}\n"fist.1" = {bones = ["hand", "finger"]}',
         ),
         ("ben = [2, 5]}", "ben = [2, 5]}\nparts = {anna = 'sword'}\napart = [['hand', 'body'], ['fist.1', 'body']]"),
-        ('"+&+"', '"+&0"\nvisibility = {half_angle = 45, frames = [0, 3]}\nretime = "floor"'),
+        ('"+&+"', '"+&0"\nvisibility = {half_angle = 45, frames = [0, 3]}\nretime = "floor"\nwindow = 2'),
         ('"0&0a"', '"none"\napart = "none"\nvisibility = {half_angle = 180}\ntolerance = {frames = 2, voxels = 1.5}'),
         more="[search]\nvoxel = 0.02\nstep = 0.06\nyaw_step = 2.5\nwindow = 3\n[optimise]\nacceleration = 1\n",
     )
@@ -93,6 +93,7 @@ def test_everything_that_can_be_said(scene_with: SceneWith, folder: Path) -> Non
     assert second.tolerance == Tolerance(2, 1.5, 0.03, 0.0)
     assert (second.index, second.key) == (1, 'segments[1] "hold"')
     assert (scene.search.stride, scene.search.n_yaw, scene.search.window) == (3, 144, 3.0)
+    assert (scene.window_of(first), scene.window_of(second)) == (2.0, 3.0)
     assert scene.optimise.acceleration == 1.0
 
 
