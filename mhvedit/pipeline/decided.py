@@ -39,11 +39,10 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
         return ReasonMap(grid, _kept_map(kept, grid), reasons)
     window = max(grid.window, float(kept["window"]))
     known = _laid(kept, grid, window)
-    border = (len(known) - grid.size) // 2
-    here = known[border : border + grid.size, border : border + grid.size]
-    left, told = inside(grid) if among is None else among.copy(), np.empty(here.shape, np.uint8)
-    if _look_up(here, left, told):
-        _fill(told, here, left, search(left).reason)
+    left = inside(grid) if among is None else among.copy()
+    told = np.empty(left.shape, np.uint8)
+    if _look_up(known, left, told):
+        _fill(told, known, left, search(left).reason)
         _keep(store, key, ReasonMap(_with_window(grid, window), known, reasons), window)
     return ReasonMap(grid, told, reasons)
 
@@ -78,24 +77,26 @@ def _laid(kept: Arrays, grid: PoseGrid, window: float) -> ByteArray:
 @njit(cache=True, nogil=True)
 def _look_up(known: ByteArray, asked: BoolArray, told: ByteArray) -> bool:
     """Tell what is known of the poses that are asked for, and ask on for the others; whether there are any."""
-    some = False
+    border, some = (known.shape[0] - asked.shape[0]) // 2, False
     for x in range(asked.shape[0]):
         for y in range(asked.shape[1]):
-            for k in range(asked.shape[2]):
-                told[x, y, k] = known[x, y, k] if asked[x, y, k] else OUTSIDE
-                asked[x, y, k] &= known[x, y, k] == OUTSIDE
-                some |= asked[x, y, k]
+            row, wanted, out = known[border + x, border + y], asked[x, y], told[x, y]
+            for k in range(row.shape[0]):
+                out[k] = row[k] if wanted[k] else OUTSIDE
+                wanted[k] &= row[k] == OUTSIDE
+                some |= wanted[k]
     return some
 
 
 @njit(cache=True, nogil=True)
 def _fill(told: ByteArray, known: ByteArray, left: BoolArray, found: ByteArray) -> None:
     """Say what was found of the poses that were not known."""
+    border = (known.shape[0] - left.shape[0]) // 2
     for x in range(left.shape[0]):
         for y in range(left.shape[1]):
-            for k in range(left.shape[2]):
-                if left[x, y, k]:
-                    told[x, y, k] = known[x, y, k] = found[x, y, k]
+            row, asked, out, more = known[border + x, border + y], left[x, y], told[x, y], found[x, y]
+            for k in range(row.shape[0]):
+                row[k], out[k] = (more[k], more[k]) if asked[k] else (row[k], out[k])
 
 
 def _kept_map(kept: Arrays, grid: PoseGrid) -> ByteArray:
