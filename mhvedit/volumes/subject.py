@@ -126,8 +126,12 @@ def deep_all_of(subject: SubjectVolumes, deep: Erosion) -> MotionHistoryVolume:
 
 
 def _without(subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]) -> MotionHistoryVolume:
+    """Of some solids, or what is deep in them, what is not a part's; a part that is all of its solid leaves nothing."""
     part = subject.parts[name]
-    return _united([difference(s, part.volume) if key == part.solid else s for key, s in solids.items()])
+    others = [solid for key, solid in solids.items() if key != part.solid]
+    if part.volume is subject.solids[part.solid] and others:
+        return _united(others)
+    return _united([difference(solids[part.solid], part.volume), *others])
 
 
 def _united(volumes: list[MotionHistoryVolume]) -> MotionHistoryVolume:
