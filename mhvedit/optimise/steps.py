@@ -4,9 +4,9 @@ A step costs half the square of the way. Where a source or a target is not known
 costs at least, and the greater counts. Either may lie anywhere in a disc. Or it may slide along a line for half the
 square of the share of its slack that it takes, and lie anywhere in a smaller disc besides.
 
-Sources stand in a tree of boxes, each with a stretch of them, so it is good if neighbours follow each other. A target
-leaves out every box out of which nothing can be cheaper than what it has, and starts with what was best for the target
-before it.
+Sources stand along a curve on which neighbours are alike in place and in value, and in a tree of boxes: eight sources
+in a box, eight boxes in a larger one, looked at side by side. A target leaves out every box out of which nothing can be
+cheaper than what it has, and starts with what was best for the target before it.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,10 @@ from numba import njit
 
 from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
 
-LEAF = 8  # sources in the smallest boxes, at most
+EIGHT = 8  # sources in a box, or boxes in a larger one
+MOST_OPEN = 128  # eights that are still to be looked at; seven for every size, and one
+TINY = 1e-300  # m
+CURVE_BITS = 16  # of each of the three numbers that tell where on the curve something stands
 
 
 class Places(NamedTuple):
@@ -48,128 +51,190 @@ def cheapest_step(value: FloatArray, source: Places, target: Places, budget: flo
     Returns:
         (M,) m^2; and (M,) the source, -1 where there is none within the budget.
     """
+    least, nearest = cheapest_step_within(value, source, target, np.full(target.radius.shape[0], budget))
+    return least, nearest
+
+
+@njit(cache=True, nogil=True)
+def cheapest_step_within(
+    value: FloatArray, source: Places, target: Places, budget: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """As `cheapest_step`, with a budget (M,) for every target; those with a negative one are left out."""
     count = target.radius.shape[0]
     least, nearest = np.full(count, np.inf), np.full(count, -1, np.int64)
-    order = np.flatnonzero(value <= budget)
+    order = _along_curve(value, source, budget.max() if count else -1.0)
     if order.shape[0] == 0:
         return least, nearest
-    points = _columns(source, order)
-    values = value[order]
-    boxes, first_leaf = _tree(points, values)
-    wanted = _columns(target, np.arange(count))
-    stack = np.empty(128, np.int64)
-    guess = order.shape[0] // 2
+    points = _points(value, source, order)
+    boxes, below = _tree(points)
+    wanted, found = np.empty(8), order.shape[0] // 2
+    stack, bounds, costs = np.empty(MOST_OPEN, np.int64), np.empty(MOST_OPEN), np.empty(EIGHT)
     for j in range(count):
-        if target.radius[j] >= 0:
-            best, found = _cheapest(points, values, boxes, first_leaf, wanted[j], guess, budget, stack)
-            if found >= 0:
-                least[j], nearest[j], guess = best, order[found], found
+        if target.radius[j] >= 0 and budget[j] >= 0:
+            wanted[0], wanted[1] = target.middle[j].real, target.middle[j].imag
+            wanted[2], wanted[3] = target.rest[j].real, target.rest[j].imag
+            wanted[4], wanted[5] = target.slack[j].real, target.slack[j].imag
+            wanted[6], wanted[7] = target.radius[j], target.blur[j]
+            best, at = _cheapest(points, boxes, below, wanted, found // EIGHT, budget[j], stack, bounds, costs)
+            if at >= 0:
+                least[j], nearest[j], found = best, order[at], at
     return least, nearest
 
 
 @njit(cache=True, nogil=True)
 def _cheapest(
     points: FloatArray,
-    values: FloatArray,
     boxes: FloatArray,
-    first_leaf: int,
+    below: IntArray,
     wanted: FloatArray,
-    guess: int,
+    first: int,
     budget: float,
     stack: IntArray,
+    bounds: FloatArray,
+    costs: FloatArray,
 ) -> tuple[float, int]:
-    """The least cost of getting to one place, and from which point; -1 where it is above the budget."""
-    best, found = values[guess] + _way(points[guess], wanted), guess
-    if best > budget:
-        best, found = budget, -1
-    stack[0], height = 1, 1
+    """The least cost of getting to one place, and from which point; -1 where it is above the budget.
+
+    Of eights, which are counted from those of points on, the given first one is looked at, then from the last on
+    whatever may hold something cheaper, the most promising one of each eight first.
+    """
+    n_points = points.shape[0]
+    best, found = np.nextafter(budget, np.inf), -1
+    stack[0], bounds[0] = n_points + boxes.shape[0] - 1, -np.inf
+    stack[1], bounds[1], height = first, -np.inf, 2
     while height > 0:
         height -= 1
-        node = stack[height]
-        if _way_to_box(boxes[node], wanted) >= best:
+        n = stack[height]
+        if bounds[height] >= best:
             continue
-        if node < first_leaf:
-            near, far = 2 * node, 2 * node + 1
-            if _way_to_box(boxes[far], wanted) < _way_to_box(boxes[near], wanted):
-                near, far = far, near
-            stack[height], stack[height + 1] = far, near
-            height += 2
+        if n < n_points:
+            _ways(points, n, wanted, costs)
+            for i in range(EIGHT):
+                if costs[i] < best:
+                    best, found = costs[i], n * EIGHT + i
             continue
-        for at in range((node - first_leaf) * LEAF, min((node - first_leaf + 1) * LEAF, points.shape[0])):
-            cost = values[at] + _way(points[at], wanted) if values[at] < best else np.inf
-            if cost < best:
-                best, found = cost, at
+        _ways_to_boxes(boxes, n - n_points, wanted, costs)
+        bottom = height
+        for i in range(EIGHT):
+            if costs[i] < best:
+                stack[height], bounds[height] = below[n - n_points] + i, costs[i]
+                height += 1
+        for k in range(bottom, height - 1):
+            if bounds[k] < bounds[height - 1]:
+                stack[k], stack[height - 1] = stack[height - 1], stack[k]
+                bounds[k], bounds[height - 1] = bounds[height - 1], bounds[k]
     return best, found
 
 
 @njit(cache=True, nogil=True)
-def _columns(places: Places, order: IntArray) -> FloatArray:
-    """(N, 8): middle, rest, slack, radius, blur."""
-    out = np.empty((order.shape[0], 8))
+def _along_curve(value: FloatArray, places: Places, budget: float) -> IntArray:
+    """The places whose value is within the budget, in the order in which a curve comes to them.
+
+    It fills the plane and the values; of a value what counts is the way that costs as much.
+    """
+    order = np.flatnonzero((value <= budget) & np.isfinite(value))
+    if order.shape[0] == 0:
+        return order
+    rest, up = places.rest[order], np.sqrt(2 * (value[order] - value[order].min()))
+    low_x, low_y = rest.real.min(), rest.imag.min()
+    width = max(rest.real.max() - low_x, rest.imag.max() - low_y, up.max(), TINY)
+    scale, codes = (2**CURVE_BITS - 1) / width, np.zeros(order.shape[0], np.int64)
     for n in range(order.shape[0]):
-        i = order[n]
-        out[n, 0], out[n, 1] = places.middle[i].real, places.middle[i].imag
-        out[n, 2], out[n, 3] = places.rest[i].real, places.rest[i].imag
-        out[n, 4], out[n, 5] = places.slack[i].real, places.slack[i].imag
-        out[n, 6], out[n, 7] = places.radius[i], places.blur[i]
+        x, y = np.int64((rest[n].real - low_x) * scale), np.int64((rest[n].imag - low_y) * scale)
+        z = np.int64(up[n] * scale)
+        for bit in range(CURVE_BITS - 1, -1, -1):
+            codes[n] = codes[n] << 3 | (z >> bit & 1) << 2 | (x >> bit & 1) << 1 | (y >> bit & 1)
+    return order[np.argsort(codes)]
+
+
+@njit(cache=True, nogil=True)
+def _points(value: FloatArray, places: Places, order: IntArray) -> FloatArray:
+    """(P, 9, 8): middle, rest, slack, radius, blur, value of eights of places; the last ones may stand for none."""
+    out = np.zeros((-(-order.shape[0] // EIGHT), 9, EIGHT))
+    out[:, 8] = np.inf
+    for at in range(order.shape[0]):
+        n, k, i = at // EIGHT, at % EIGHT, order[at]
+        out[n, 0, k], out[n, 1, k] = places.middle[i].real, places.middle[i].imag
+        out[n, 2, k], out[n, 3, k] = places.rest[i].real, places.rest[i].imag
+        out[n, 4, k], out[n, 5, k] = places.slack[i].real, places.slack[i].imag
+        out[n, 6, k], out[n, 7, k], out[n, 8, k] = places.radius[i], places.blur[i], value[i]
     return out
 
 
 @njit(cache=True, nogil=True)
-def _tree(points: FloatArray, values: FloatArray) -> tuple[FloatArray, int]:
-    """Boxes, root at 1, and which box is the first leaf.
+def _tree(points: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(B, 12, 8) eights of boxes, the last one being the root; and (B,) which eight the first of each eight holds.
 
-    A box is (11,): low and high x and y of the middles, of the rests, widest radius, blur, and square of the slack; its
-    least value is in front.
+    A box is (12,): its least value; low x and y of the middles, of the rests, and high ones with the sign changed;
+    widest radius, blur, and square of the slack.
     """
-    leaves = (points.shape[0] + LEAF - 1) // LEAF
-    first_leaf = 1
-    while first_leaf < leaves:
-        first_leaf *= 2
-    boxes = np.empty((2 * first_leaf, 12))
+    starts = [0, points.shape[0]]  # of the points, and of boxes of each size
+    while len(starts) == 2 or starts[-1] - starts[-2] > 1:
+        starts.append(starts[-1] + -(-(starts[-1] - starts[-2]) // EIGHT))
+    boxes = np.zeros((starts[-1] - starts[1], 12, EIGHT))
     boxes[:, :9] = np.inf
-    boxes[:, 9:] = 0.0
-    for at in range(points.shape[0]):
-        box, point = boxes[first_leaf + at // LEAF], points[at]
-        box[0] = min(box[0], values[at])
-        for axis in range(4):
-            box[1 + axis] = min(box[1 + axis], point[axis])
-            box[5 + axis] = min(box[5 + axis], -point[axis])
-        box[9], box[10] = max(box[9], point[6]), max(box[10], point[7])
-        box[11] = max(box[11], point[4] ** 2 + point[5] ** 2)
-    for node in range(first_leaf - 1, 0, -1):
-        for k in range(12):
-            left, right = boxes[2 * node, k], boxes[2 * node + 1, k]
-            boxes[node, k] = min(left, right) if k < 9 else max(left, right)
-    return boxes, first_leaf
+    below = np.empty(boxes.shape[0], np.int64)
+    for size in range(len(starts) - 2):
+        for n in range(starts[size], starts[size + 1]):
+            inside = n - starts[size]
+            larger = starts[size + 1] - starts[1] + inside // EIGHT
+            below[larger] = n - inside % EIGHT
+            box = boxes[larger, :, inside % EIGHT]
+            if size == 0:
+                _enclose(box, points[n])
+            else:
+                for k in range(12):
+                    own = boxes[n - starts[1], k]
+                    box[k] = own.min() if k < 9 else own.max()
+    return boxes, below
 
 
 @njit(cache=True, nogil=True)
-def _way(a: FloatArray, b: FloatArray) -> float:
-    """What the step between two places costs at least.
+def _enclose(box: FloatArray, points: FloatArray) -> None:
+    """Widen a box for eight points."""
+    for i in range(EIGHT):
+        if points[8, i] < np.inf:
+            box[0] = min(box[0], points[8, i])
+            for axis in range(4):
+                box[1 + axis] = min(box[1 + axis], points[axis, i])
+                box[5 + axis] = min(box[5 + axis], -points[axis, i])
+            box[9], box[10] = max(box[9], points[6, i]), max(box[10], points[7, i])
+            box[11] = max(box[11], points[4, i] ** 2 + points[5, i] ** 2)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ways(points: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> None:
+    """What getting to a place by way of each of eight points costs at least.
 
     Sliding by shares p and q costs 1/2 (p^2 + q^2); at the best ones the step costs 1/2 d' (I + s s' + t t')^-1 d with
     the slacks s and t.
     """
-    x, y = b[0] - a[0], b[1] - a[1]
-    discs = max(np.sqrt(x * x + y * y) - a[6] - b[6], 0.0)
-    x, y = b[2] - a[2], b[3] - a[3]
-    across_a, across_b = a[4] * y - a[5] * x, b[4] * y - b[5] * x
-    across = a[4] * b[5] - a[5] * b[4]
-    square = x * x + y * y + across_a * across_a + across_b * across_b
-    slack = 1 + a[4] * a[4] + a[5] * a[5] + b[4] * b[4] + b[5] * b[5] + across * across
-    slides = max(np.sqrt(square / slack) - a[7] - b[7], 0.0)
-    return float(0.5 * max(discs, slides) ** 2)
+    mx, my, rx, ry = wanted[0], wanted[1], wanted[2], wanted[3]
+    tx, ty, radius, blur = wanted[4], wanted[5], wanted[6], wanted[7]
+    for i in range(out.shape[0]):
+        x, y = mx - points[n, 0, i], my - points[n, 1, i]
+        discs = np.sqrt(x * x + y * y) - points[n, 6, i] - radius
+        x, y, sx, sy = rx - points[n, 2, i], ry - points[n, 3, i], points[n, 4, i], points[n, 5, i]
+        across_a, across_b, across = sx * y - sy * x, tx * y - ty * x, sx * ty - sy * tx
+        square = x * x + y * y + across_a * across_a + across_b * across_b
+        slack = 1 + sx * sx + sy * sy + tx * tx + ty * ty + across * across
+        slides = np.sqrt(square / slack) - points[n, 7, i] - blur
+        way = max(discs, slides, 0.0)
+        out[i] = points[n, 8, i] + 0.5 * way * way
 
 
-@njit(cache=True, nogil=True)
-def _way_to_box(box: FloatArray, b: FloatArray) -> float:
-    """What coming from anywhere in a box costs at least, with what it costs to be there."""
-    x = max(box[1] - b[0], b[0] + box[5], 0.0)
-    y = max(box[2] - b[1], b[1] + box[6], 0.0)
-    discs = max(np.sqrt(x * x + y * y) - box[9] - b[6], 0.0)
-    x = max(box[3] - b[2], b[2] + box[7], 0.0)
-    y = max(box[4] - b[3], b[3] + box[8], 0.0)
-    most = 1 + box[11] + b[4] * b[4] + b[5] * b[5]
-    slides = max(np.sqrt((x * x + y * y) / most) - box[10] - b[7], 0.0)
-    return float(box[0] + 0.5 * max(discs, slides) ** 2)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ways_to_boxes(boxes: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> None:
+    """What coming from anywhere in each of eight boxes costs at least, with what it costs to be there."""
+    mx, my, rx, ry = wanted[0], wanted[1], wanted[2], wanted[3]
+    tx, ty, radius, blur = wanted[4], wanted[5], wanted[6], wanted[7]
+    slack = 1 + tx * tx + ty * ty
+    for i in range(out.shape[0]):
+        x = max(boxes[n, 1, i] - mx, mx + boxes[n, 5, i], 0.0)
+        y = max(boxes[n, 2, i] - my, my + boxes[n, 6, i], 0.0)
+        discs = np.sqrt(x * x + y * y) - boxes[n, 9, i] - radius
+        x = max(boxes[n, 3, i] - rx, rx + boxes[n, 7, i], 0.0)
+        y = max(boxes[n, 4, i] - ry, ry + boxes[n, 8, i], 0.0)
+        slides = np.sqrt((x * x + y * y) / (slack + boxes[n, 11, i])) - boxes[n, 10, i] - blur
+        way = max(discs, slides, 0.0)
+        out[i] = boxes[n, 0, i] + 0.5 * way * way
