@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import ComplexArray, FloatArray, Int32Array, IntArray
-from mhvedit.optimise.steps import Places, cheapest_step
+from mhvedit.optimise.steps import Places, cheapest_step_within
 
 STIFFNESS = 1e-12  # m^2, no less counts
 
@@ -55,6 +55,7 @@ def bound_branches(
     blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
     links: Links,
     widths: tuple[float, float, float, float, float],
+    tension: FloatArray,
     budget: float,
     out: tuple[FloatArray, FloatArray, IntArray],
 ) -> None:
@@ -66,6 +67,7 @@ def bound_branches(
         blocks: first, last, radius, yaw and half yaw.
         links: between stages.
         widths: half turn, half gauge, most turn, and how much of the first two is left free to move, rad.
+        tension: (G,) m^2, 0 at the first and the last stage; see `_places`.
         budget: m^2; what costs more need not be told apart.
         out: (N,) least cost through each cell, (B,) of each branch, (B, G) blocks of its cheapest chain.
     """
@@ -75,8 +77,11 @@ def bound_branches(
     for b in branches:
         start, stop = bounds[b, 0], bounds[b, -1]
         at = bounds[b] - start
-        leave, arrive, unary, reach = _places(at, block[start:stop], slot[start:stop], gauges[b], blocks, links, widths)
+        leave, arrive, unary, reach = _places(
+            at, block[start:stop], slot[start:stop], gauges[b], blocks, links, widths, tension
+        )
         loss = loss_of(links, reach, half_turn - wide_turn, half_gauge - wide_gauge, budget)
+        loss -= _lowered(at, unary)
         forward, came_from = _forward(at, leave, arrive, unary, budget + loss)
         behind = _behind(at, leave, arrive, unary, forward, budget + loss)
         through[start:stop] = forward + behind - loss
@@ -98,11 +103,16 @@ def _places(
     blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
     links: Links,
     widths: tuple[float, float, float, float, float],
+    tension: FloatArray,
 ) -> tuple[Places, Places, FloatArray, FloatArray]:
     """Of every cell where steps leave from and arrive at, and the least facing cost; of every stage the reach.
 
     Arrivals are told so that a step is the difference of an arrival and a departure. What a turn away from the one that
     faces best costs is shared by the steps on either side of a stage: that is what their places slide for.
+
+    The turn with which a step arrives is the one with which the next leaves, so tension times their difference is
+    nothing, and may be added: any tension leaves a bound. It pulls what is at rest apart and takes off what that costs,
+    and with the tension of a chain the two turns at which the bound is least come close to each other.
     """
     first, last, radius, yaw, half_yaw = blocks
     half_turn, _, most_turn, wide_turn, wide_gauge = widths
@@ -124,14 +134,29 @@ def _places(
                 least, best, stiffness = _facing(
                     links.weight_a[g], links.weight_b[g], turn, wide_turn, mismatch, half_yaw[k] + wide_gauge
                 )
-                give = 1 / np.sqrt(max(share * stiffness, STIFFNESS)) if wide_turn > 0 else 0.0
+                stiffness = max(share * stiffness, STIFFNESS)
+                give = 1 / np.sqrt(stiffness) if wide_turn > 0 else 0.0
+                pull = min(max(tension[g] / stiffness, -wide_turn), wide_turn)
+                least -= stiffness * pull**2
                 spin = np.exp(1j * turn)
             before = k
             unary[n] = least
-            _place(leave, n, spin * last[k], 0.0j, radius[k], wide_turn, best - turn, give)
-            _place(arrive, n, spin * first[k], move, radius[k] + slide, wide_turn, best - turn, give)
+            _place(leave, n, spin * last[k], 0.0j, radius[k], wide_turn, best - turn + pull, give)
+            _place(arrive, n, spin * first[k], move, radius[k] + slide, wide_turn, best - turn - pull, give)
             reach[g] = max(reach[g], abs(first[k]) + radius[k], abs(last[k]) + radius[k])
     return leave, arrive, unary, reach
+
+
+@njit(cache=True, nogil=True)
+def _lowered(at: IntArray, unary: FloatArray) -> float:
+    """Take the least of every stage off, so that no part of a chain costs less than nothing; returns what that is."""
+    total = 0.0
+    for g in range(at.shape[0] - 1):
+        own = unary[at[g] : at[g + 1]]
+        least = own.min()
+        own -= least
+        total += least
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -222,19 +247,16 @@ def _forward(
 ) -> tuple[FloatArray, IntArray]:
     """The least cost of chains up to each cell, and the cell of the stage before that it comes from.
 
-    Cells that facing alone makes too dear are left out as targets.
+    It is infinite above the limit.
     """
     value = unary.copy()
     came_from = np.zeros(unary.shape[0], np.int64)
     for g in range(1, at.shape[0] - 1):
-        for n in range(at[g], at[g + 1]):
-            if unary[n] > limit:
-                arrive.radius[n] = -1.0
         source, target = _part(leave, at[g - 1], at[g]), _part(arrive, at[g], at[g + 1])
-        least, nearest = cheapest_step(value[at[g - 1] : at[g]], source, target, limit)
-        for n in range(at[g], at[g + 1]):
-            value[n] += least[n - at[g]]
-            came_from[n] = at[g - 1] + nearest[n - at[g]]
+        left = limit - unary[at[g] : at[g + 1]]
+        least, nearest = cheapest_step_within(value[at[g - 1] : at[g]], source, target, left)
+        value[at[g] : at[g + 1]] += least
+        came_from[at[g] : at[g + 1]] = at[g - 1] + nearest
     return value, came_from
 
 
@@ -242,23 +264,13 @@ def _forward(
 def _behind(
     at: IntArray, leave: Places, arrive: Places, unary: FloatArray, forward: FloatArray, limit: float
 ) -> FloatArray:
-    """The least cost of what follows each cell; infinite where the whole is above the limit.
-
-    Cells that cost too much already on the way to them are left out, as targets and as sources.
-    """
-    behind = np.zeros(unary.shape[0])
+    """The least cost of what follows each cell; infinite where the whole is above the limit."""
+    behind = np.where(forward <= limit, 0.0, np.inf)
     for g in range(at.shape[0] - 2, 0, -1):
-        value = np.full(at[g + 1] - at[g], np.inf)
-        for n in range(at[g], at[g + 1]):
-            if forward[n] + behind[n] <= limit:
-                value[n - at[g]] = behind[n] + unary[n]
-        for n in range(at[g - 1], at[g]):
-            if forward[n] > limit:
-                leave.radius[n] = -1.0
         source, target = _part(arrive, at[g], at[g + 1]), _part(leave, at[g - 1], at[g])
-        least, _ = cheapest_step(value, source, target, limit)
-        for n in range(at[g - 1], at[g]):
-            behind[n] = least[n - at[g - 1]]
+        value = behind[at[g] : at[g + 1]] + unary[at[g] : at[g + 1]]
+        left = limit - forward[at[g - 1] : at[g]]
+        behind[at[g - 1] : at[g]], _ = cheapest_step_within(value, source, target, left)
     return behind
 
 

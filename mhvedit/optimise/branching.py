@@ -26,7 +26,7 @@ from mhvedit.optimise.blocks import (
     smaller_blocks,
 )
 from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
-from mhvedit.optimise.chains import Chain, StageCosts, first_chain, polished
+from mhvedit.optimise.chains import Chain, StageCosts, first_chain, polished, tension_of
 
 EXACT = 1e-9  # relative gap at which refinement stops
 NOTHING = 1e-15  # m^2; a chain that may be better by less is as good
@@ -34,7 +34,8 @@ MOST_CELLS = 12_000_000  # in one round; more stops refinement, and the gap says
 MOST_ROUNDS = 60
 FIRST_YAWS = 8  # steps of yaw in a branch of the gauge at first
 POLISHED_FROM = 1  # level of blocks from which on the chain of the least bound is tried
-DIVE_FROM, DIVE_EVERY = 2, 8  # level of blocks, branches: see `_dive`
+TENSED_FROM = 1  # level of blocks from which on tension is worth a view
+PARTED_AT, FIRST_PART = 2, 8  # level of blocks, one branch in so many: see `_searched_in_parts`
 THREADS = 2
 PORTIONS = 16  # in which the branches are handed to the threads
 ARM = 1.0  # m that a radian of turn or gauge counts for when choosing what to halve
@@ -83,17 +84,19 @@ class _Cells:
         return len(self.block)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _View:
     """How a bound deals with turns and gauge.
 
     Where these are wide everything may move in its cell, which is good at first. Where they are 0 turns and gauge are
     held in the middle of their cells: a chain's cost is at rest at its best turns and gauge, so no more than a share of
-    the square of the width is lost, and that is good at last.
+    the square of the width is lost, and that is good at last. Between the two, tension keeps together what a wide view
+    lets turn apart.
     """
 
     wide_turn: float  # rad
     wide_gauge: float  # rad
+    tension: FloatArray | None = None  # (G,) m^2, see `bounds`; None for none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,15 +116,14 @@ class _Problem:
 
 @dataclass(slots=True)
 class _Known:
-    """The best chain so far, the bound of all chains, and what has been tried."""
+    """The best chain so far, and what has been tried."""
 
     best: Chain
-    bound: float
     tried: set[tuple[int, ...]]
 
-    @property
-    def proven(self) -> bool:
-        return self.bound >= min(self.best.cost * (1 - EXACT), self.best.cost - NOTHING)
+    def is_proven_by(self, bound: float) -> bool:
+        """Whether chains that cost no less than the bound are no better than the best, but for rounding."""
+        return bound >= min(self.best.cost * (1 - EXACT), self.best.cost - NOTHING)
 
 
 def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain:
@@ -132,24 +134,14 @@ def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
     """
-    known = _Known(first_chain(costs), 0.0, set())
+    known = _Known(first_chain(costs), set())
     with ThreadPoolExecutor(THREADS) as pool:
         problem = _problem(costs, list(pool.map(curve_of, costs)), pool)
         blocks = coarsest_blocks(problem.curves, pool)
         level, cells = _everything(costs, blocks, known.best.cost, n_yaw)
-        for _ in range(MOST_ROUNDS):
-            cells = _round(problem, blocks, cells, level, known)
-            if len(cells) == 0 or known.proven:
-                break
-            if level.blocks == DIVE_FROM:
-                _dive(problem, blocks, cells, level, known, step)
-            finer = _finer(problem, level, step, known.best.cost)
-            blocks, cells = _refined(problem, blocks, cells, level, finer)
-            level = finer
-            if len(cells) > MOST_CELLS:
-                break
+        bound = _searched(problem, blocks, cells, level, known, step)
     best = known.best
-    return Chain(best.chosen, best.turns, best.gauge, best.cost, min(known.bound, best.cost))
+    return Chain(best.chosen, best.turns, best.gauge, best.cost, min(bound, best.cost))
 
 
 def blocks_within(
@@ -173,9 +165,9 @@ def blocks_within(
         problem = _problem(costs, curves, pool)
         blocks = coarsest_blocks(curves, pool)
         level, cells = _everything(costs, blocks, budget, n_yaw)
-        known = _Known(within, 0.0, set())
+        known = _Known(within, set())
         while True:
-            cells = _round(problem, blocks, cells, level, known)
+            cells, _ = _round(problem, blocks, cells, level, known)
             if level.blocks == MAPPED or len(cells) > MOST_CELLS // 8:
                 break
             finer = _finer(problem, level, step, budget)
@@ -229,29 +221,64 @@ def _most_turn(stage: StageCosts, cost: float) -> float:
     return float(2 * np.arcsin(np.sqrt(cost / (2 * stage.weight_a))))
 
 
-def _round(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known) -> _Cells:
-    """Bound every branch in all views that promise something; returns the cells that a better chain may be in."""
-    for view in _views(problem, level, known.best.cost):
-        through, least, chains = _bounded(problem, blocks, cells, level, view, known.best.cost)
-        known.bound = max(known.bound, float(least.min(initial=known.best.cost)))
-        if level.blocks <= POLISHED_FROM and least.min(initial=np.inf) < known.best.cost:
-            _try(problem, blocks, chains[least.argmin()], float(cells.gauges[least.argmin()]), known)
-        cells = _kept(cells, through < known.best.cost)
-    return cells
+def _searched(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known, step: float) -> float:
+    """Search some cells until nothing in them is better than the best chain known by more than rounding.
 
-
-def _dive(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known, step: float) -> None:
-    """Look at some of the branches down to single poses, for a better chain."""
-    bound = known.bound
-    some = np.zeros(len(cells.gauges), np.bool_)
-    some[::DIVE_EVERY] = True
-    cells = _kept(cells, np.repeat(some, cells.bounds[:, -1] - cells.bounds[:, 0]))
-    while level.blocks > 0 and len(cells):
+    Returns:
+        What every chain in them costs at least, if not more than the best.
+    """
+    bound = 0.0
+    for _ in range(MOST_ROUNDS):
+        cells, through = _round(problem, blocks, cells, level, known)
+        bound = max(bound, float(through.min(initial=known.best.cost)))
+        if known.is_proven_by(bound):
+            break
         finer = _finer(problem, level, step, known.best.cost)
+        if finer.blocks < PARTED_AT == level.blocks:
+            return max(bound, _searched_in_parts(problem, blocks, cells, through, level, known, step))
         blocks, cells = _refined(problem, blocks, cells, level, finer)
         level = finer
-        cells = _round(problem, blocks, cells, level, known)
-    known.bound = bound
+        if len(cells) > MOST_CELLS:
+            break
+    return bound
+
+
+def _searched_in_parts(
+    problem: _Problem,
+    blocks: Blocks,
+    cells: _Cells,
+    through: FloatArray,
+    level: _Level,
+    known: _Known,
+    step: float,
+) -> float:
+    """As `_searched`, the most promising branches first: the chain that they lead to may spare much of the others."""
+    least = np.minimum.reduceat(through, cells.bounds[:, 0])
+    promising = least <= np.sort(least)[len(least) // FIRST_PART]
+    bounds = []
+    for some in (promising, ~promising):
+        wanted = np.repeat(some, cells.bounds[:, -1] - cells.bounds[:, 0])
+        part, _ = _kept(cells, np.where(wanted, through, np.inf), known.best.cost)
+        finer = _finer(problem, level, step, known.best.cost)
+        fine, part = _refined(problem, blocks, part, level, finer)
+        bounds.append(_searched(problem, fine, part, finer, known, step))
+    return min(bounds)
+
+
+def _round(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known) -> tuple[_Cells, FloatArray]:
+    """Bound every branch in all views that promise something.
+
+    Returns:
+        The cells that a better chain may be in, and the least cost of chains through each.
+    """
+    through = np.zeros(len(cells))
+    for view in _views(problem, level, known.best):
+        bounds, least, chains = _bounded(problem, blocks, cells, level, view, known.best.cost)
+        if level.blocks <= POLISHED_FROM and least.min(initial=np.inf) < known.best.cost:
+            _try(problem, blocks, chains[least.argmin()], float(cells.gauges[least.argmin()]), known)
+        through = np.maximum(through, bounds)
+        cells, through = _kept(cells, through, known.best.cost)
+    return cells, through
 
 
 def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level:
@@ -273,13 +300,17 @@ def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level
     return replace(level, half_turn=level.half_turn / 2, half_gauge=level.half_gauge / 2)
 
 
-def _views(problem: _Problem, level: _Level, cost: float) -> list[_View]:
+def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
     """Wide until the flat view loses little, flat as soon as it does not lose too much."""
+    cost = best.cost
     lost = problem.loss(level.half_turn, level.half_gauge, cost)
     views = []
     if lost > LOSE_MUCH * cost:
         held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
-        views.append(_View(level.half_turn, 0.0 if held else level.half_gauge))
+        wide = _View(level.half_turn, 0.0 if held else level.half_gauge)
+        views.append(wide)
+        if level.blocks <= TENSED_FROM:
+            views.append(replace(wide, tension=tension_of(problem.costs, best)))
     if lost < LOSE_MOST * cost:
         views.append(_View(0.0, 0.0))
     return views
@@ -291,6 +322,7 @@ def _bounded(
     """The least cost of chains through each cell and of each branch, and the blocks of each branch's cheapest chain."""
     n_branches, n_stages = len(cells.gauges), len(problem.costs)
     through, least = np.empty(len(cells)), np.empty(n_branches)
+    tension = np.zeros(n_stages) if view.tension is None else view.tension
     chains = np.zeros((n_branches, n_stages), np.int64)
 
     def bound(branches: IntArray) -> None:
@@ -300,6 +332,7 @@ def _bounded(
             (blocks.first, blocks.last, blocks.radius, blocks.yaw, blocks.half_yaw),
             problem.links,
             (level.half_turn, level.half_gauge, level.most_turn, view.wide_turn, view.wide_gauge),
+            tension,
             budget,
             (through, least, chains),
         )
@@ -316,13 +349,14 @@ def _try(problem: _Problem, blocks: Blocks, chain: IntArray, gauge: float, known
         known.best = min(known.best, polished(problem.costs, rows, gauge), key=lambda found: found.cost)
 
 
-def _kept(cells: _Cells, mask: BoolArray) -> _Cells:
-    """Some of the cells; branches in which a stage has none are left out."""
+def _kept(cells: _Cells, through: FloatArray, cost: float) -> tuple[_Cells, FloatArray]:
+    """The cells through which a chain can cost less, and what; branches in which a stage has none are left out."""
+    mask = through < cost
     starts = np.concatenate([[0], np.cumsum(mask)])[cells.bounds]
     alive = (np.diff(starts, axis=1) > 0).all(1)
     mask = mask & np.repeat(alive, cells.bounds[:, -1] - cells.bounds[:, 0])
     starts = np.concatenate([[0], np.cumsum(mask)])[cells.bounds[alive]]
-    return _Cells(cells.gauges[alive], starts, cells.block[mask], cells.slot[mask])
+    return _Cells(cells.gauges[alive], starts, cells.block[mask], cells.slot[mask]), through[mask]
 
 
 def _refined(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, finer: _Level) -> tuple[Blocks, _Cells]:

@@ -125,6 +125,23 @@ def chain_cost(stages: Sequence[StageCosts], chosen: IntArray, turns: FloatArray
     return _cost(_picked(stages, chosen), np.concatenate([[gauge], turns]))
 
 
+def tension_of(stages: Sequence[StageCosts], chain: Chain) -> FloatArray:
+    """How hard the step to a stage and the step from it pull its turn apart, at a chain's best turns.
+
+    Args:
+        stages: in order.
+        chain: with its best turns and gauge.
+
+    Returns:
+        (G,) m^2, half of the slope of the one cost by the turn less that of the other; 0 at both ends.
+    """
+    _, change, turned, _ = _changes(_picked(stages, chain.chosen), np.concatenate([[chain.gauge], chain.turns]))
+    step = change[0, 1:] - change[1, :-1]
+    tension = np.zeros(len(stages))
+    tension[1:-1] = -0.5 * (np.conj(step[1:]) * 1j * turned[1, 1:-1] + np.conj(step[:-1]) * 1j * turned[0, 1:-1]).real
+    return tension
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Picked:
     """One solution per stage, in complex numbers; first index: first or last root."""
