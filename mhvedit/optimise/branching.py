@@ -346,7 +346,8 @@ def _try(problem: _Problem, blocks: Blocks, chain: IntArray, gauge: float, known
     rows = np.array([curve.rows[blocks.run[block, 0]] for curve, block in zip(problem.curves, chain, strict=True)])
     if tuple(rows.tolist()) not in known.tried:
         known.tried.add(tuple(rows.tolist()))
-        known.best = min(known.best, polished(problem.costs, rows, gauge), key=lambda found: found.cost)
+        found = polished(problem.costs, rows, gauge, budget=known.best.cost)
+        known.best = min(known.best, found, key=lambda chain: chain.cost)
 
 
 def _kept(cells: _Cells, through: FloatArray, cost: float) -> tuple[_Cells, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.stages import Stage
-from mhvedit.optimise.steps import cheapest_step, exactly
+from mhvedit.optimise.steps import cheapest_step_within, exactly
 
 SAMPLE = 200  # solutions a stage when looking for a first chain
 GAUGES = 45  # tried for it
@@ -226,7 +226,7 @@ def cheapest_chain(
     value = np.asarray(unary[0], np.float64)
     back: list[IntArray] = []
     for g in range(1, len(unary)):
-        least, nearest = cheapest_step(value, exactly(last[g - 1]), exactly(first[g]), budget)
+        least, nearest = cheapest_step_within(value, exactly(last[g - 1]), exactly(first[g]), budget - unary[g])
         back.append(nearest)
         value = unary[g] + least
     state = int(np.argmin(value))
@@ -238,7 +238,8 @@ def cheapest_chain(
 
 def first_chain(stages: Sequence[StageCosts]) -> Chain:
     """A good chain to start from: gauges all around, and at each a sample of the solutions that fit it best."""
-    return min((_sampled_chain(stages, near) for near in NEAR), key=lambda chain: chain.cost)
+    sampled = min((_sampled_chain(stages, near) for near in NEAR), key=lambda chain: chain.cost)
+    return polished(stages, sampled.chosen, sampled.gauge)
 
 
 def _sampled_chain(stages: Sequence[StageCosts], near: float) -> Chain:
@@ -250,17 +251,27 @@ def _sampled_chain(stages: Sequence[StageCosts], near: float) -> Chain:
         states, cost = _best_of(stages, rows, turns, gauge, np.inf)
         found.append((cost, gauge, [int(r[i]) for r, i in zip(rows, states, strict=True)]))
     _, gauge, chosen = min(found)
-    return polished(stages, np.array(chosen), gauge)
+    return with_best_turns(stages, np.array(chosen), gauge)
 
 
-def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
-    """Improve a chain: turns and gauge continuously, solutions by an exact pass over all, until nothing improves."""
+def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float, *, budget: float = np.inf) -> Chain:
+    """Improve a chain: turns and gauge continuously, solutions by an exact pass over all, until nothing improves.
+
+    Args:
+        stages: in order.
+        chosen: (G,) row of each.
+        gauge: to start from, rad.
+        budget: m^2; what costs as much is no improvement.
+    """
     best = with_best_turns(stages, chosen, gauge)
     for _ in range(MOST_POLISHES):
-        rows = [_affordable(s, t, best) for s, t in zip(stages, best.turns, strict=True)]
+        allowed = min(best.cost, budget)
+        rows = [_affordable(s, t, best.gauge, allowed) for s, t in zip(stages, best.turns, strict=True)]
+        if not all(map(len, rows)):
+            return best
         turns = [np.full(len(r), t) for r, t in zip(rows, best.turns, strict=True)]
-        states, cost = _best_of(stages, rows, turns, best.gauge, best.cost * (1 + 1e-9))
-        if cost >= best.cost * (1 - 1e-9):
+        states, cost = _best_of(stages, rows, turns, best.gauge, allowed)
+        if cost >= allowed * (1 - 1e-9):
             return best
         better = with_best_turns(stages, np.array([r[i] for r, i in zip(rows, states, strict=True)]), best.gauge)
         if better.cost >= best.cost * (1 - 1e-9):
@@ -306,11 +317,11 @@ def _best_of(
     )
 
 
-def _affordable(stage: StageCosts, turn: float, best: Chain) -> IntArray:
-    """Solutions whose facing alone does not already cost more than the chain."""
-    mismatch = yaws_of(stage) - best.gauge
+def _affordable(stage: StageCosts, turn: float, gauge: float, budget: float) -> IntArray:
+    """Solutions whose facing alone does not already cost more than the budget."""
+    mismatch = yaws_of(stage) - gauge
     every = facing_cost(stage, mismatch, np.full(len(mismatch), turn))
-    return rows_of_yaws(stage, every <= best.cost * (1 + 1e-9))
+    return rows_of_yaws(stage, every <= budget)
 
 
 def _sample(stage: StageCosts, gauge: float, near: float) -> IntArray:
