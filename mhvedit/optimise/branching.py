@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.blocks import (
     COARSEST,
     MAPPED,
@@ -34,7 +35,6 @@ MOST_CELLS = 12_000_000  # in one round; more stops refinement, and the gap says
 MOST_ROUNDS = 60
 FIRST_YAWS = 8  # steps of yaw in a branch of the gauge at first
 POLISHED_FROM = 1  # level of blocks from which on the chain of the least bound is tried
-TENSED_FROM = 1  # level of blocks from which on tension is worth a view
 PARTED_AT, FIRST_PART = 2, 8  # level of blocks, one branch in so many: see `_searched_in_parts`
 THREADS = 2
 PORTIONS = 16  # in which the branches are handed to the threads
@@ -181,8 +181,9 @@ def _flags(maps: Sequence[BlockMap], curves: Sequence[Curve], blocks: Blocks, al
     found = []
     for g, (own, curve) in enumerate(zip(maps, curves, strict=True)):
         flags = np.zeros_like(own.there)
-        for start, stop in blocks.run[alive[blocks.stage[alive] == g]]:
-            flags.ravel()[curve.rows[start:stop]] = True
+        starts, stops = (np.bincount(edges, minlength=len(curve.rows) + 1)
+                         for edges in blocks.run[alive[blocks.stage[alive] == g]].T)  # fmt: skip
+        flags.ravel()[curve.rows[np.cumsum(starts - stops)[:-1] > 0]] = True
         found.append(flags)
     return found
 
@@ -254,7 +255,10 @@ def _searched_in_parts(
 ) -> float:
     """As `_searched`, the most promising branches first: the chain that they lead to may spare much of the others."""
     least = np.minimum.reduceat(through, cells.bounds[:, 0])
-    promising = least <= np.sort(least)[len(least) // FIRST_PART]
+    away = np.abs(wrap_angle(cells.gauges - known.best.gauge))
+    order = np.lexsort((away, np.round(100 * least / known.best.cost)))
+    promising = np.zeros(len(least), np.bool_)
+    promising[order[: -(-len(least) // FIRST_PART)]] = True
     bounds = []
     for some in (promising, ~promising):
         wanted = np.repeat(some, cells.bounds[:, -1] - cells.bounds[:, 0])
@@ -301,7 +305,7 @@ def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level
 
 
 def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
-    """Wide until the flat view loses little, flat as soon as it does not lose too much."""
+    """Wide until the flat view loses little, flat as soon as it loses not too much; tension where poses are single."""
     cost = best.cost
     lost = problem.loss(level.half_turn, level.half_gauge, cost)
     views = []
@@ -309,7 +313,7 @@ def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
         held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
         wide = _View(level.half_turn, 0.0 if held else level.half_gauge)
         views.append(wide)
-        if level.blocks <= TENSED_FROM:
+        if level.blocks == 0:
             views.append(replace(wide, tension=tension_of(problem.costs, best)))
     if lost < LOSE_MOST * cost:
         views.append(_View(0.0, 0.0))
