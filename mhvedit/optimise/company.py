@@ -62,10 +62,17 @@ class _Terms:
     facing_weight: float
     step: float
     n_yaw: int
+    thinned: bool
 
 
 def place_company(
-    stages: Sequence[Stage], between: Sequence[Pair], *, facing_weight: float, step: float, n_yaw: int
+    stages: Sequence[Stage],
+    between: Sequence[Pair],
+    *,
+    facing_weight: float,
+    step: float,
+    n_yaw: int,
+    thinned: bool = False,
 ) -> CompanyPlacements:
     """Choose a solution per stage and where its pair stands.
 
@@ -75,8 +82,9 @@ def place_company(
         facing_weight: lambda, m^2.
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
+        thinned: whether the stages of each pair hold no more than `near_best` leaves of them.
     """
-    graph, terms = graph_of(between), _Terms(facing_weight, step, n_yaw)
+    graph, terms = graph_of(between), _Terms(facing_weight, step, n_yaw, thinned)
     blocks = [_solved(own, graph, stages, between, terms) for own in graph.blocks]
     links = [(graph.block_of(bridge.before), graph.block_of(bridge.after)) for bridge in graph.bridges]
     together = groups(len(blocks), links)
@@ -127,7 +135,11 @@ def _is_forest(pairs: Collection[Pair]) -> bool:
 def _chain(pair: Pair, meetings: Sequence[int], stages: Sequence[Stage], terms: _Terms) -> _Block:
     """All meetings of one pair, one after the other."""
     found = best_placements(
-        [stages[g] for g in meetings], facing_weight=terms.facing_weight, step=terms.step, n_yaw=terms.n_yaw
+        [stages[g] for g in meetings],
+        facing_weight=terms.facing_weight,
+        step=terms.step,
+        n_yaw=terms.n_yaw,
+        thinned=terms.thinned,
     )
     at = {(name, g): poses[n] for name, poses in zip(pair, (found.a, found.b), strict=True)
           for n, g in enumerate(meetings)}  # fmt: skip

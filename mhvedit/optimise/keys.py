@@ -37,7 +37,9 @@ class KeyPlacements:
         return 0.0 if self.cost <= 0 else 100 * (self.cost - self.lower_bound) / self.cost
 
 
-def best_placements(stages: Sequence[Stage], *, facing_weight: float, step: float, n_yaw: int) -> KeyPlacements:
+def best_placements(
+    stages: Sequence[Stage], *, facing_weight: float, step: float, n_yaw: int, thinned: bool = False
+) -> KeyPlacements:
     """Choose a solution per stage and where the pair stands (Shi et al., eqs 16 to 18).
 
     Args:
@@ -45,6 +47,7 @@ def best_placements(stages: Sequence[Stage], *, facing_weight: float, step: floa
         facing_weight: lambda, m^2.
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
+        thinned: whether the stages hold no more than `near_best` leaves of them.
     """
     codes = [pose_codes(stage.keys) for stage in stages]
     common = common_codes(codes)
@@ -55,7 +58,10 @@ def best_placements(stages: Sequence[Stage], *, facing_weight: float, step: floa
         chosen = np.array([row[best] for row in rows])
         gauge = float(stages[0].poses[chosen[0], 2])
         return _placed(stages, Chain(chosen, np.zeros(len(stages)), gauge, 0.0, 0.0), equals=len(common))
-    near = near_best(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
+    if thinned:
+        near = [np.arange(len(stage)) for stage in stages]
+    else:
+        near = near_best(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
     thin = [some_of(stage, rows) for stage, rows in zip(stages, near, strict=True)]
     costs = stage_costs(thin, facing_weight=facing_weight)
     chain = best_chain(costs, step=step, n_yaw=n_yaw)

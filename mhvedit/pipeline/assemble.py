@@ -97,11 +97,12 @@ def assemble(
     """
     line = lay_out(scene, people, fps)
     left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else list(rows)
-    pairs = by_pair(solved)
+    pairs, thinned = by_pair(solved), False
     for own in pairs:
         shared = shared_rows([solved[i] for i in own], [left[i] for i in own])
         if shared is None and len(pairs) == 1:
             shared = _near_rows(scene, solved, left, _joined(line, own))
+            thinned = shared is not None
         for i, some in zip(own, shared or [], strict=False):
             left[i] = some
     runs, stages = _stages(solved, left, line)
@@ -112,6 +113,7 @@ def assemble(
         facing_weight=scene.optimise.facing_weight,
         step=search.step,
         n_yaw=search.n_yaw,
+        thinned=thinned,
     )
     subjects = {name: _subject_edit(name, scene, people, solved, line, runs, placements) for name in cast(scene)}
     segments, chosen = _segment_edits(solved, line, runs, stages, placements, people)

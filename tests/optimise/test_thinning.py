@@ -54,6 +54,17 @@ def test_rows_are_those_of_the_whole_stages(monkeypatch: pytest.MonkeyPatch) -> 
     assert thin.cost == pytest.approx(whole.cost) and thin.gap <= 1.0
 
 
+def test_what_is_thinned_already_is_not_thinned_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = wide_problem(2)
+    whole = best_placements(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
+    rows = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
+    thin = [some_of(stage, own) for stage, own in zip(stages, rows, strict=True)]
+    monkeypatch.delattr("mhvedit.optimise.keys.near_best")
+    found = best_placements(thin, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, thinned=True)
+    assert [own[row] for own, row in zip(rows, found.chosen, strict=True)] == whole.chosen.tolist()
+    assert found.cost == pytest.approx(whole.cost)
+
+
 def test_few_solutions_are_left_as_they_are() -> None:
     stages = problem(0, count=3, size=12)
     places = [Places(stage.keys, stage.roots_a, stage.roots_b) for stage in stages]
