@@ -3,7 +3,7 @@
 A branch is an interval of the gauge; a cell of it holds the solutions of one stage in a block of the pose lattice, with
 an interval for the pair's turn in the world. A forward and a backward pass over the cells give the least that any chain
 through a cell can cost. Cells that cannot beat the best chain known are dropped, the others are cut where they are
-coarsest, until nothing can be better than the best by more than rounding.
+coarsest, until nothing can be better than the best by more than rounding. Branches that promise most go ahead.
 """
 
 import itertools
