@@ -4,9 +4,9 @@ A step costs half the square of the way. Where a source or a target is not known
 costs at least, and the greater counts. Either may lie anywhere in a disc. Or it may slide along a line for half the
 square of the share of its slack that it takes, and lie anywhere in a smaller disc besides.
 
-Sources stand along a curve on which neighbours are alike in place and in value, and in a tree of boxes: eight sources
-in a box, eight boxes in a larger one, looked at side by side. A target leaves out every box out of which nothing can be
-cheaper than what it has, and starts with what was best for the target before it.
+Sources stand along a curve on which neighbours are alike in place and in value, and in a tree of boxes: a bunch
+of them in a box, a bunch of boxes in a larger one, each bunch looked at side by side. A target leaves out every box out
+of which nothing can be cheaper than what it has, and starts with what was best for the target before it.
 """
 
 from typing import NamedTuple
@@ -16,8 +16,8 @@ from numba import njit
 
 from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
 
-EIGHT = 8  # sources in a box, or boxes in a larger one
-MOST_OPEN = 128  # eights that are still to be looked at; seven for every size, and one
+BUNCH = 16  # sources in a box, or boxes in a larger one
+MOST_OPEN = 128  # bunches that are still to be looked at; no more than 15 for every size, and two
 TINY = 1e-300  # m
 CURVE_BITS = 16  # of each of the three numbers that tell where on the curve something stands
 
@@ -68,14 +68,14 @@ def cheapest_step_within(
     points = _points(value, source, order)
     boxes, below = _tree(points)
     wanted, found = np.empty(8), order.shape[0] // 2
-    stack, bounds, costs = np.empty(MOST_OPEN, np.int64), np.empty(MOST_OPEN), np.empty(EIGHT)
+    stack, bounds, costs = np.empty(MOST_OPEN, np.int64), np.empty(MOST_OPEN), np.empty(BUNCH)
     for j in range(count):
         if target.radius[j] >= 0 and budget[j] >= 0:
             wanted[0], wanted[1] = target.middle[j].real, target.middle[j].imag
             wanted[2], wanted[3] = target.rest[j].real, target.rest[j].imag
             wanted[4], wanted[5] = target.slack[j].real, target.slack[j].imag
             wanted[6], wanted[7] = target.radius[j], target.blur[j]
-            best, at = _cheapest(points, boxes, below, wanted, found // EIGHT, budget[j], stack, bounds, costs)
+            best, at = _cheapest(points, boxes, below, wanted, found // BUNCH, budget[j], stack, bounds, costs)
             if at >= 0:
                 least[j], nearest[j], found = best, order[at], at
     return least, nearest
@@ -95,8 +95,8 @@ def _cheapest(
 ) -> tuple[float, int]:
     """The least cost of getting to one place, and from which point; -1 where it is above the budget.
 
-    Of eights, which are counted from those of points on, the given first one is looked at, then from the last on
-    whatever may hold something cheaper, the most promising one of each eight first.
+    Of bunches, which are counted from those of points on, the given first one is looked at, then from the last on
+    whatever may hold something cheaper, the most promising one of each bunch first.
     """
     n_points = points.shape[0]
     best, found = np.nextafter(budget, np.inf), -1
@@ -109,13 +109,13 @@ def _cheapest(
             continue
         if n < n_points:
             _ways(points, n, wanted, costs)
-            for i in range(EIGHT):
+            for i in range(BUNCH):
                 if costs[i] < best:
-                    best, found = costs[i], n * EIGHT + i
+                    best, found = costs[i], n * BUNCH + i
             continue
         _ways_to_boxes(boxes, n - n_points, wanted, costs)
         bottom = height
-        for i in range(EIGHT):
+        for i in range(BUNCH):
             if costs[i] < best:
                 stack[height], bounds[height] = below[n - n_points] + i, costs[i]
                 height += 1
@@ -149,11 +149,11 @@ def _along_curve(value: FloatArray, places: Places, budget: float) -> IntArray:
 
 @njit(cache=True, nogil=True)
 def _points(value: FloatArray, places: Places, order: IntArray) -> FloatArray:
-    """(P, 9, 8): middle, rest, slack, radius, blur, value of eights of places; the last ones may stand for none."""
-    out = np.zeros((-(-order.shape[0] // EIGHT), 9, EIGHT))
+    """(P, 9, BUNCH): middle, rest, slack, radius, blur, value of bunches of places; the last may stand for none."""
+    out = np.zeros((-(-order.shape[0] // BUNCH), 9, BUNCH))
     out[:, 8] = np.inf
     for at in range(order.shape[0]):
-        n, k, i = at // EIGHT, at % EIGHT, order[at]
+        n, k, i = at // BUNCH, at % BUNCH, order[at]
         out[n, 0, k], out[n, 1, k] = places.middle[i].real, places.middle[i].imag
         out[n, 2, k], out[n, 3, k] = places.rest[i].real, places.rest[i].imag
         out[n, 4, k], out[n, 5, k] = places.slack[i].real, places.slack[i].imag
@@ -163,23 +163,23 @@ def _points(value: FloatArray, places: Places, order: IntArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _tree(points: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(B, 12, 8) eights of boxes, the last one being the root; and (B,) which eight the first of each eight holds.
+    """(B, 12, BUNCH) bunches of boxes, the last one being the root; and (B,) which bunch the first of each one holds.
 
     A box is (12,): its least value; low x and y of the middles, of the rests, and high ones with the sign changed;
     widest radius, blur, and square of the slack.
     """
     starts = [0, points.shape[0]]  # of the points, and of boxes of each size
     while len(starts) == 2 or starts[-1] - starts[-2] > 1:
-        starts.append(starts[-1] + -(-(starts[-1] - starts[-2]) // EIGHT))
-    boxes = np.zeros((starts[-1] - starts[1], 12, EIGHT))
+        starts.append(starts[-1] + -(-(starts[-1] - starts[-2]) // BUNCH))
+    boxes = np.zeros((starts[-1] - starts[1], 12, BUNCH))
     boxes[:, :9] = np.inf
     below = np.empty(boxes.shape[0], np.int64)
     for size in range(len(starts) - 2):
         for n in range(starts[size], starts[size + 1]):
             inside = n - starts[size]
-            larger = starts[size + 1] - starts[1] + inside // EIGHT
-            below[larger] = n - inside % EIGHT
-            box = boxes[larger, :, inside % EIGHT]
+            larger = starts[size + 1] - starts[1] + inside // BUNCH
+            below[larger] = n - inside % BUNCH
+            box = boxes[larger, :, inside % BUNCH]
             if size == 0:
                 _enclose(box, points[n])
             else:
@@ -191,8 +191,8 @@ def _tree(points: FloatArray) -> tuple[FloatArray, IntArray]:
 
 @njit(cache=True, nogil=True)
 def _enclose(box: FloatArray, points: FloatArray) -> None:
-    """Widen a box for eight points."""
-    for i in range(EIGHT):
+    """Widen a box for a bunch of points."""
+    for i in range(BUNCH):
         if points[8, i] < np.inf:
             box[0] = min(box[0], points[8, i])
             for axis in range(4):
@@ -204,14 +204,14 @@ def _enclose(box: FloatArray, points: FloatArray) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _ways(points: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> None:
-    """What getting to a place by way of each of eight points costs at least.
+    """What getting to a place by way of each point of a bunch costs at least.
 
     Sliding by shares p and q costs 1/2 (p^2 + q^2); at the best ones the step costs 1/2 d' (I + s s' + t t')^-1 d with
     the slacks s and t.
     """
     mx, my, rx, ry = wanted[0], wanted[1], wanted[2], wanted[3]
     tx, ty, radius, blur = wanted[4], wanted[5], wanted[6], wanted[7]
-    for i in range(out.shape[0]):
+    for i in range(out.shape[0]):  # not BUNCH, for which no vector instructions are made
         x, y = mx - points[n, 0, i], my - points[n, 1, i]
         discs = np.sqrt(x * x + y * y) - points[n, 6, i] - radius
         x, y, sx, sy = rx - points[n, 2, i], ry - points[n, 3, i], points[n, 4, i], points[n, 5, i]
@@ -225,11 +225,11 @@ def _ways(points: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> No
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _ways_to_boxes(boxes: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> None:
-    """What coming from anywhere in each of eight boxes costs at least, with what it costs to be there."""
+    """What coming from anywhere in each box of a bunch costs at least, with what it costs to be there."""
     mx, my, rx, ry = wanted[0], wanted[1], wanted[2], wanted[3]
     tx, ty, radius, blur = wanted[4], wanted[5], wanted[6], wanted[7]
     slack = 1 + tx * tx + ty * ty
-    for i in range(out.shape[0]):
+    for i in range(out.shape[0]):  # likewise
         x = max(boxes[n, 1, i] - mx, mx + boxes[n, 5, i], 0.0)
         y = max(boxes[n, 2, i] - my, my + boxes[n, 6, i], 0.0)
         discs = np.sqrt(x * x + y * y) - boxes[n, 9, i] - radius

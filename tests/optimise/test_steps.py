@@ -1,9 +1,10 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mhvedit.geometry.arrays import FloatArray
-from mhvedit.optimise.steps import Places, cheapest_step, exactly
+from mhvedit.optimise.steps import Places, cheapest_step, cheapest_step_within, exactly
 
 SEEDS = st.integers(0, 2**32 - 1)
 SOME = settings(max_examples=60, derandomize=True)
@@ -46,6 +47,25 @@ def test_the_cheapest_step_is_the_least_of_all(seed: int) -> None:
     np.testing.assert_allclose(least, np.where(wanted, every.min(1), np.inf), rtol=1e-9, atol=1e-15)
     assert ((nearest >= 0) == wanted).all()
     np.testing.assert_allclose(every[wanted, nearest[wanted]], least[wanted], rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_cheapest_of_many_sources_is_the_least_of_all(seed: int) -> None:
+    """So many that boxes stand in boxes: known ones, and some that are not."""
+    rng = np.random.default_rng(seed)
+    source, target = (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count) for count in (9000, 50))
+    value = rng.uniform(0, 10.0 ** -rng.integers(1, 5), 9000)
+    least, _ = cheapest_step(value, exactly(source), exactly(target), np.inf)
+    np.testing.assert_allclose(least, (value + 0.5 * np.abs(target[:, None] - source) ** 2).min(1), rtol=1e-9)
+    unknown, wanted = some_places(rng, 600), some_places(rng, 3)
+    least, _ = cheapest_step(value[:600], unknown, wanted, np.inf)
+    np.testing.assert_allclose(least, (value[:600] + plain_steps(unknown, wanted)).min(1), rtol=1e-9, atol=1e-15)
+
+
+def test_every_target_has_its_own_budget() -> None:
+    source, target = exactly(np.array([0j, 3j])), exactly(np.array([1j, 1j, 1j]))
+    least, nearest = cheapest_step_within(np.array([0.0, 1.0]), source, target, np.array([0.5, 0.4, -1.0]))
+    assert least.tolist() == [0.5, np.inf, np.inf] and nearest.tolist() == [0, -1, -1]
 
 
 @given(SEEDS)
