@@ -1,6 +1,7 @@
 """From solution groups to one scene: the best chain, the time line, and the way between the key segments."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +19,8 @@ from mhvedit.pipeline.terms import segment_key
 from mhvedit.project.schema import OptimiseSettings, SceneFile
 from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
 from mhvedit.sequences.align import TimeLine, time_line
+
+THREADS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +208,8 @@ def _near_rows(
         if shared is None or not len(shared[0]):
             return None
         joined.append(shared)
-    places = [_places([solved[i] for i in run], shared[0]) for run, shared in zip(runs, joined, strict=True)]
+    with ThreadPoolExecutor(THREADS) as pool:
+        places = list(pool.map(lambda run, shared: _places([solved[i] for i in run], shared[0]), runs, joined))
     search = scene.search
     near = near_best(places, facing_weight=scene.optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
     return [own[some] for shared, some in zip(joined, near, strict=True) for own in shared]
