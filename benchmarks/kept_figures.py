@@ -3,9 +3,12 @@
 import json
 import os
 import platform
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from benchmarks.process import run
 
 FILE = Path(__file__).resolve().parents[1] / "docs" / "performance.json"
 
@@ -20,8 +23,13 @@ def kept() -> dict[str, Any]:
 
 def keep(part: str, figures: dict[str, Any]) -> None:
     """Put the figures of one part in place of earlier ones, with the day and the machine they were measured on."""
-    noted = {"measured": datetime.now(UTC).date().isoformat(), "machine": machine()}
+    noted = {"measured": datetime.now(UTC).date().isoformat(), "machine": machine(), "speed": speed()}
     FILE.write_text(json.dumps(kept() | {part: figures | noted}, indent=1) + "\n")
+
+
+def speed() -> float:
+    """Seconds that `import numba` takes at the moment: a machine may be twice as fast an hour later."""
+    return min(run(sys.executable, "-c", "import numba").seconds for _ in range(5))
 
 
 def machine() -> str:

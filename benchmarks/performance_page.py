@@ -25,7 +25,14 @@ centre and bounds).
 NOTE_EDITS = """\
 The scene file is changed in one place, and solved again on the same folder. *Command*: `mhvedit solve --answer-only`,
 from the start of the process to its end. *Python*: `api.solve(api.load(...), previous=...)` in a process that has
-solved the scene before; *written* adds `api.write`, which writes all solution groups anew.
+solved the scene before; *written* adds `api.write`, which writes all solution groups anew. The targets are for a change
+of one segment; the last two rows change all nine. Where the segments keep a pose in common, the chain costs nothing;
+the changes of `tolerance.voxels` and `tolerance.apart` take the last one away, so that a chain of different placements
+has to be found, and proven best.
+"""
+NOTE_MEASURED = """\
+In brackets how long `import numba` took when a part had been measured: the machine's speed varies by a factor of two
+from hour to hour.
 """
 NOTE_SEARCH = """\
 `search_poses` with the clauses of each segment: contact, its moments, what keeps apart. Sight is told apart, since the
@@ -219,11 +226,13 @@ def start_section(figures: Figures) -> list[str]:
 
 
 def measured_when(figures: Figures) -> list[str]:
-    """On what machine each part was measured, and when."""
+    """On what machine each part was measured, when, and how fast it was then."""
     by_machine: dict[tuple[str, str], list[str]] = {}
     for part, own in figures.items():
-        by_machine.setdefault((own["machine"], own["measured"]), []).append(part)
-    return ["## Measured", *(f"- {day}, {name}: {', '.join(parts)}" for (name, day), parts in by_machine.items())]
+        told = f"{part} ({own['speed']:.2f} s)" if "speed" in own else part
+        by_machine.setdefault((own["machine"], own["measured"]), []).append(told)
+    rows = [f"- {day}, {name}: {', '.join(parts)}" for (name, day), parts in by_machine.items()]
+    return ["## Measured", NOTE_MEASURED, *rows]
 
 
 SECTIONS: dict[str, Callable[[Figures], list[str]]] = {
