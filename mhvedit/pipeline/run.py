@@ -3,7 +3,9 @@
 import json
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +95,7 @@ def run_scene(
     job = load(scene, cache=out / CACHE)  # bad input is found before anything is written
     job = replace(job, store=replace(job.store, holds=False))
     with claimed(out):
-        warnings = scene_warnings(job)
+        warnings = scene_warnings(job, workers=workers)
         for sentence in warnings:
             warn(sentence)
         with staging(out) as staged:
@@ -218,12 +220,12 @@ def _draw(
     write_report(path, report_content(result, found, problems=problems, warnings=warnings, limit_mm=limit))
 
 
-def scene_warnings(job: Job) -> tuple[str, ...]:
+def scene_warnings(job: Job, *, workers: int = 1) -> tuple[str, ...]:
     """What looks wrong with the captures of a scene, in sentences."""
-    found: list[str] = []
-    for name, spec in job.scene.subjects.items():
-        found += _capture_warnings(spec, job.subjects[name], job.store)
-    return tuple(found)
+    subjects = job.scene.subjects
+    with ThreadPoolExecutor(workers) as pool:
+        found = pool.map(lambda name: _capture_warnings(subjects[name], job.subjects[name], job.store), subjects)
+        return tuple(chain.from_iterable(found))
 
 
 def _capture_warnings(spec: SubjectSpec, subject: Subject, store: Store) -> list[str]:

@@ -17,6 +17,9 @@ from mhvedit.search.poses import PoseGrid
 from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap
 from mhvedit.sequences.segments import SegmentPair
 
+SUMMARY = ("reasons", "counts", "n_regions")  # of a group, as it is kept
+COLUMNS = ("cells", "region", "clearance", "penalty")
+
 
 @dataclass(frozen=True, eq=False)  # no slots: what is large is fetched when it is first asked for
 class SolvedSegment:
@@ -158,15 +161,7 @@ def solve_segment(
     stages = segment_stages(scene, spec, people, fps=fps, store=store, workers=workers)
     grid = grid_of(stages)
     made: list[ReasonMap] = []
-    told = group_of(
-        stages,
-        grid,
-        "reasons",
-        "counts",
-        "n_regions",
-        progress=progress,
-        made=made.append,
-    )
+    told = group_of(stages, grid, *SUMMARY, *COLUMNS, progress=progress, made=made.append)  # damage is found here
     counts = dict(zip(told["reasons"].tolist(), told["counts"].tolist(), strict=True))
     return SolvedSegment(spec, grid, counts, int(told["n_regions"]), stages, made[0] if made else None)
 
