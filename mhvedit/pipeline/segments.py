@@ -102,14 +102,17 @@ class SolvedSegment:
         Args:
             keys: (N, 3) as in `SolutionGroup`.
         """
+        found = np.full(len(keys), -1)
+        if self.n_solutions == 0:
+            return found
         size, n_yaw = self.grid.size, self.grid.n_yaw
         place = keys[:, :2] - self.grid.base[keys[:, 2]]
-        flat = (place[:, 0] * size + place[:, 1]) * n_yaw + keys[:, 2]
-        rows = np.minimum(np.searchsorted(self.cells, flat), max(0, self.n_solutions - 1))
-        there = np.flatnonzero(((place >= 0) & (place < size)).all(1) & (self.n_solutions > 0))
-        there = there[self.cells[rows[there]] == flat[there]]
-        found = np.full(len(keys), -1)
-        found[there] = rows[there]
+        inside = np.flatnonzero(((place >= 0) & (place < size)).all(1))
+        flat = (place[inside, 0] * size + place[inside, 1]) * n_yaw + keys[inside, 2]
+        flat = flat.astype(self.cells.dtype)  # or all cells would be made larger numbers for it
+        rows = np.minimum(np.searchsorted(self.cells, flat), self.n_solutions - 1)
+        same = self.cells[rows] == flat
+        found[inside[same]] = rows[same]
         return found
 
     def merit(self, rows: IntArray) -> FloatArray:
