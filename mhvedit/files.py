@@ -7,8 +7,9 @@ import threading
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal
@@ -23,6 +24,15 @@ FIELD: Final = struct.Struct("<HH")
 PADDING: Final = 0xD935  # kind of an extra field that says nothing
 ALIGNED: Final = 64  # bytes
 HEADER: Final = 1024  # bytes that the header of an array takes at most
+PIECE: Final = 1 << 16  # rows of a column that are made at a time
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Numbers that are made while they are written, without ever being all in memory."""
+
+    size: int
+    fill: Callable[[int, NDArray[np.float64]], None]  # from that row on
 
 
 @contextmanager
@@ -50,7 +60,7 @@ def load_table(package: str, name: str) -> dict[str, Any]:
     return tomllib.loads((files(package) / "data" / f"{name}.toml").read_text("utf-8"))
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any] | Column]) -> None:
     """Write an .npz, the same bytes for the same arrays. Bytes and flags are compressed, numbers hardly would be.
 
     Args:
@@ -61,7 +71,9 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         for name, array in arrays.items():
             member = zipfile.ZipInfo(f"{name}.npy")
             member.extra = _padding(container.start_dir + LOCAL_HEADER + len(member.filename.encode()))
-            if array.itemsize > 1 or array.size < WORTHWHILE:
+            if isinstance(array, Column):
+                _store_column(container, member, array)
+            elif array.itemsize > 1 or array.size < WORTHWHILE:
                 _store(container, member, np.asarray(array, order="C"))
             else:
                 container.writestr(member, _npy(array), zipfile.ZIP_DEFLATED, LEVEL)
@@ -132,6 +144,19 @@ def _store(container: zipfile.ZipFile, member: zipfile.ZipInfo, array: NDArray[A
     with container.open(member, "w") as file:
         file.write(header)
         file.write(array.reshape(-1).view(np.uint8).data)
+
+
+def _store_column(container: zipfile.ZipFile, member: zipfile.ZipInfo, column: Column) -> None:
+    """Make a column and write it, piece by piece."""
+    header = _npy_header(np.broadcast_to(np.float64(0), column.size))
+    member.file_size = len(header) + column.size * np.dtype(np.float64).itemsize
+    piece = np.empty(min(column.size, PIECE))
+    with container.open(member, "w") as file:
+        file.write(header)
+        for first in range(0, column.size, PIECE):
+            rows = piece[: column.size - first]
+            column.fill(first, rows)
+            file.write(rows.view(np.uint8).data)
 
 
 def _npy(array: NDArray[Any]) -> memoryview:

@@ -10,9 +10,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from mhvedit.files import ALIGNED, map_arrays, read_arrays, replacing, write_arrays
+from mhvedit.files import ALIGNED, PIECE, Column, map_arrays, read_arrays, replacing, write_arrays
+from mhvedit.geometry.arrays import FloatArray
 
 KINDS = (np.uint8, np.bool_, np.int32, np.uint64, np.float64)
+
+
+def test_a_column_is_written_as_if_it_were_an_array(tmp_path: Path) -> None:
+    numbers = np.random.default_rng(0).normal(size=PIECE + 3)
+
+    def fill(first: int, out: FloatArray) -> None:
+        out[:] = numbers[first : first + len(out)]
+
+    for size in (0, 1, PIECE, PIECE + 3):
+        write_arrays(tmp_path / "a.npz", {"n": numbers[:size], "m": np.arange(5)})
+        write_arrays(tmp_path / "b.npz", {"n": Column(size, fill), "m": np.arange(5)})
+        assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
 def test_a_file_takes_the_place_of_another(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError, MhveditError, OutputBusy
-from mhvedit.files import replacing, write_arrays
+from mhvedit.files import Column, replacing, write_arrays
 from mhvedit.geometry.planar import invert
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.props_pass import entered
@@ -189,8 +189,8 @@ def write_solutions(path: Path, segment: SolvedSegment) -> None:
     a, b = (segment.stages.people[name] for name in segment.spec.between)
     grid, found = segment.grid, segment.found
     rows = listed(grid, segment.cells, facing=segment.facing, left=a.pose, right=invert(b.pose))
-    arrays: dict[str, np.ndarray[Any, Any]] = {
-        **rows._asdict(),
+    arrays: dict[str, np.ndarray[Any, Any] | Column] = {
+        **rows,
         "region": segment.region,
         "clearance": segment.clearance,
         "penalty": segment.penalty,

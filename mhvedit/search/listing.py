@@ -1,30 +1,24 @@
-"""Solutions as they are handed on: where B's capture stands in A's, and what the paper names a pose by."""
+"""Solutions as they are handed on: where B's capture stands in A's, and what the paper names a pose by.
 
-from typing import NamedTuple
+There are millions, so their columns are made piece by piece, while they are written.
+"""
+
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numba import njit
 
+from mhvedit.files import Column
 from mhvedit.geometry.arrays import FloatArray, IntArray
-from mhvedit.geometry.planar import rotation
+from mhvedit.geometry.planar import rotation, wrap_angle
 from mhvedit.search.poses import PoseGrid
-
-
-class Listing(NamedTuple):
-    """Columns with one row a solution, by the names that they are written under; a tuple, since a kernel takes it."""
-
-    x: FloatArray  # (S,) m
-    y: FloatArray  # (S,) m
-    yaw: FloatArray  # (S,) rad in [-pi, pi)
-    distance: FloatArray  # (S,) m, as in `SolutionGroup`
-    theta_a: FloatArray  # (S,) rad, likewise
-    theta_b: FloatArray  # (S,) rad
 
 
 def listed(
     grid: PoseGrid, cells: IntArray, *, facing: tuple[float, float], left: FloatArray, right: FloatArray
-) -> Listing:
-    """List solutions by the millions, with nothing in memory but the columns.
+) -> dict[str, Column]:
+    """What there is to say about solutions, one row each.
 
     Args:
         grid: candidate poses, in canonical frames.
@@ -34,41 +28,83 @@ def listed(
         right: (3,) pose of B's capture frame in B's canonical frame.
 
     Returns:
-        With left @ pose @ right for each pose.
+        (S,) `x`, `y` (m) and `yaw` (rad in [-pi, pi)) of left @ pose @ right; `distance` (m), `theta_a` and `theta_b`
+        (rad) as in `SolutionGroup`.
     """
-    turned_b = rotation(grid.yaws) @ grid.root_b
-    turned = turned_b - grid.root_a
-    rows = Listing(*np.empty((len(Listing._fields), len(cells))))
-    _list(cells, grid.size, grid.base, grid.step, grid.yaws, turned, np.array(facing), left, right, rows)
-    return rows
+    turn = left[2] + grid.yaws
+    c, s = float(np.cos(left[2])), float(np.sin(left[2]))
+    roots = rotation(grid.yaws) @ grid.root_b - grid.root_a
+    lattice = grid.size, grid.base, grid.step
+
+    def column(fill: Callable[..., None], *terms: object) -> Column:
+        return Column(len(cells), partial(_filled, fill, cells, terms))
+
+    return {
+        "x": column(_fill_place, *lattice, left[0], c, s, np.cos(turn) * right[0], np.sin(turn) * right[1]),
+        "y": column(_fill_place, *lattice, left[1], s, -c, np.sin(turn) * right[0], -np.cos(turn) * right[1]),
+        "yaw": column(_fill_yaw, wrap_angle(turn + right[2])),
+        "distance": column(_fill_distance, *lattice, roots),
+        "theta_a": column(_fill_theta, *lattice, roots, facing[0], np.full(grid.n_yaw, np.pi)),
+        "theta_b": column(_fill_theta, *lattice, roots, facing[1], -grid.yaws),
+    }
+
+
+def _filled(fill: Callable[..., None], cells: IntArray, terms: tuple[object, ...], first: int, out: FloatArray) -> None:
+    """Fill in the rows from the first on."""
+    fill(cells[first : first + len(out)], *terms, out)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _place(cell: int, size: int, base: IntArray, step: float) -> tuple[float, float, int]:
+    """Where a pose is along x and y, and the number of its yaw."""
+    row, k = divmod(np.int64(cell), base.shape[0])
+    return (base[k, 0] + row // size) * step, (base[k, 1] + row % size) * step, k
 
 
 @njit(cache=True, nogil=True)
-def _list(
+def _fill_place(
     cells: IntArray,
     size: int,
     base: IntArray,
     step: float,
-    yaws: FloatArray,
-    turned: FloatArray,
-    facing: FloatArray,
-    left: FloatArray,
-    right: FloatArray,
-    out: Listing,
+    origin: float,
+    by_x: float,
+    by_y: float,
+    by_yaw: FloatArray,
+    less_by_yaw: FloatArray,
+    out: FloatArray,
 ) -> None:
-    """Fill in the columns; `turned` is B's turned root less A's root, for each yaw."""
-    x, y, yaw, distance, theta_a, theta_b = out
-    c, s = np.cos(left[2]), np.sin(left[2])
-    turns = left[2] + yaws
-    cosines, sines = np.cos(turns), np.sin(turns)
     for n in range(cells.shape[0]):
-        row, k = divmod(np.int64(cells[n]), yaws.shape[0])
-        at_x, at_y = (base[k, 0] + row // size) * step, (base[k, 1] + row % size) * step
-        x[n] = left[0] + c * at_x - s * at_y + cosines[k] * right[0] - sines[k] * right[1]
-        y[n] = left[1] + s * at_x + c * at_y + sines[k] * right[0] + cosines[k] * right[1]
-        yaw[n] = (turns[k] + right[2] + np.pi) % (2 * np.pi) - np.pi
-        along, across = at_x + turned[k, 0], at_y + turned[k, 1]
-        bearing = np.arctan2(across, along)
-        distance[n] = np.sqrt(along * along + across * across)
-        theta_a[n] = (bearing - facing[0] + np.pi) % (2 * np.pi) - np.pi
-        theta_b[n] = (bearing - facing[1] - yaws[k]) % (2 * np.pi) - np.pi
+        x, y, k = _place(cells[n], size, base, step)
+        out[n] = origin + by_x * x - by_y * y + by_yaw[k] - less_by_yaw[k]
+
+
+@njit(cache=True, nogil=True)
+def _fill_yaw(cells: IntArray, yaws: FloatArray, out: FloatArray) -> None:
+    for n in range(cells.shape[0]):
+        out[n] = yaws[cells[n] % yaws.shape[0]]
+
+
+@njit(cache=True, nogil=True)
+def _fill_distance(cells: IntArray, size: int, base: IntArray, step: float, roots: FloatArray, out: FloatArray) -> None:
+    for n in range(cells.shape[0]):
+        x, y, k = _place(cells[n], size, base, step)
+        x, y = x + roots[k, 0], y + roots[k, 1]
+        out[n] = np.sqrt(x * x + y * y)
+
+
+@njit(cache=True, nogil=True)
+def _fill_theta(
+    cells: IntArray,
+    size: int,
+    base: IntArray,
+    step: float,
+    roots: FloatArray,
+    facing: float,
+    by_yaw: FloatArray,
+    out: FloatArray,
+) -> None:
+    for n in range(cells.shape[0]):
+        x, y, k = _place(cells[n], size, base, step)
+        bearing = np.arctan2(y + roots[k, 1], x + roots[k, 0])
+        out[n] = (bearing - facing + by_yaw[k]) % (2 * np.pi) - np.pi

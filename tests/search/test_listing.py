@@ -1,13 +1,22 @@
 import numpy as np
 import pytest
 
-from mhvedit.geometry.arrays import IntArray
+from mhvedit.files import Column
+from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import compose, rotation
 from mhvedit.search.groups import described
 from mhvedit.search.listing import listed
 from mhvedit.search.poses import pose_grid
 
 FACING = (0.4, -2.9)
+
+
+def made(column: Column) -> FloatArray:
+    """A column as a whole, made in pieces."""
+    out = np.empty(column.size)
+    for first in range(0, column.size, 190):
+        column.fill(first, out[first : first + 190])
+    return out
 
 
 @pytest.mark.parametrize("dtype", [np.int32, np.int64])
@@ -17,10 +26,11 @@ def test_a_list_says_what_the_group_says_seen_from_the_captures(dtype: type) -> 
     cells = cells.astype(dtype)
     left, right = np.array([1.5, -0.7, 2.8]), np.array([-0.4, 0.9, -3.0])
     group = described(grid, cells, np.zeros(500, np.int32), np.zeros(500), facing=FACING)
-    rows = listed(grid, cells, facing=FACING, left=left, right=right)
+    columns = listed(grid, cells, facing=FACING, left=left, right=right)
+    rows = {name: made(column) for name, column in columns.items()}
     expected = compose(compose(left, group.poses), right)
-    np.testing.assert_allclose(np.stack([rows.x, rows.y], 1), expected[:, :2], atol=1e-12)
-    np.testing.assert_allclose(rotation(rows.yaw), rotation(expected[:, 2]), atol=1e-12)
-    assert (rows.yaw >= -np.pi).all() and (rows.yaw < np.pi).all()
+    np.testing.assert_allclose(np.stack([rows["x"], rows["y"]], 1), expected[:, :2], atol=1e-12)
+    np.testing.assert_allclose(rotation(rows["yaw"]), rotation(expected[:, 2]), atol=1e-12)
+    assert (rows["yaw"] >= -np.pi).all() and (rows["yaw"] < np.pi).all()
     for column in ("distance", "theta_a", "theta_b"):
-        np.testing.assert_array_equal(getattr(rows, column), getattr(group, column))
+        np.testing.assert_array_equal(rows[column], getattr(group, column))
