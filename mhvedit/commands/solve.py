@@ -1,6 +1,8 @@
 """`mhvedit solve` and `mhvedit demo`."""
 
+import gc
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -48,8 +50,10 @@ def _run(
     cache: float | None = None,
 ) -> None:
     """Solve, saying what comes of it as soon as it is known, and leave with the right exit code."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for small matrices others would only spin beside the search
     from mhvedit.pipeline.run import run_scene
 
+    gc.freeze()  # what has been imported stays: it need not be gone through again and again
     with progress_bar(quiet=json_) as progress:
         outcome = run_scene(
             scene,

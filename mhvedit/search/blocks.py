@@ -32,7 +32,7 @@ def asked_blocks(
     return blocks, first, sizes
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _mark_blocks(
     asked: BoolArray, base_x: int, base_y: int, stride: int, blocks: BoolArray, first: IntArray, sizes: IntArray
 ) -> None:

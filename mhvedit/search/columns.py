@@ -182,7 +182,7 @@ def _pooled(voxels: Words, tall: int) -> tuple[Words, Words]:
     return some, every
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _turned_box(outline: FloatArray, c: float, s: float) -> tuple[int, int, int, int]:
     """First and past-the-last lattice index along x, and along y, that turned columns can have, in whole blocks."""
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf

@@ -78,7 +78,7 @@ def _level(pools: Pools, level: int) -> tuple[Int32Array, int, int]:
     return pools.row_of[pools.first[level] : pools.first[level] + x * y], x, y
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _roots(row_of: Int32Array, n_x: int, n_y: int) -> Int32Array:
     """(N, 2) cells of a level that hold anything."""
     cells = np.empty((n_x * n_y, 2), np.int32)

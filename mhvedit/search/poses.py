@@ -31,6 +31,10 @@ class PoseGrid:
         """(n_yaw,) rad."""
         return np.asarray(np.arange(self.n_yaw) * (2 * np.pi / self.n_yaw), np.float64)
 
+    def yaw(self, k: int) -> float:
+        """One of them."""
+        return k * (2 * np.pi / self.n_yaw)
+
     @property
     def offsets(self) -> FloatArray:
         """(size,) nominal place of B's root relative to A's along x (and y) of each cell, m; true to half a step."""

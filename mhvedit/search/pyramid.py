@@ -126,7 +126,7 @@ def _cut(pools: Pools, n_rows: int) -> Pools:
     return Pools(pools.rows[:n_rows], pools.row_of, pools.first, pools.shape)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _levels(n_x: int, n_y: int, grown: int) -> tuple[IntArray, IntArray]:
     """Where each level begins, and its cells along x and y, if columns have MARGIN empty ones for each cell grown."""
     first, shape = np.zeros(TOP + 1, np.int64), np.zeros((TOP + 1, 2), np.int64)

@@ -1,4 +1,8 @@
-"""Every pose of a segment's grid against every constraint: the map of what accepted or first rejected each pose."""
+"""Every pose of a segment's grid against every constraint: the map of what accepted or first rejected each pose.
+
+Yaws are shared out to threads. Kernels that are done in a few microseconds, here and in what is called, keep Python's
+lock: to hand it on and get it back takes longer.
+"""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -177,7 +181,7 @@ def _meeting(
         open_still = asked if found is None else asked & (found if all_of_them else ~found)
         met = meets(
             facing.a,
-            desk.turned(facing, float(grid.yaws[k])),
+            desk.turned(facing, grid.yaw(k)),
             base=grid.base[k],
             stride=grid.stride,
             asked=open_still,
@@ -196,7 +200,7 @@ def _mark_unseen(
     """Reject the poses at which one does not see the other."""
     seen_a, seen_b = desk.prepared.seen_a, desk.prepared.seen_b
     assert seen_a is not None and seen_b is not None
-    yaw = float(grid.yaws[k])
+    yaw = grid.yaw(k)
     where = {"base": grid.base[k], "step": grid.step, "pitch": grid.step / grid.stride}
     seen = a_sees_b(cones.a, turned(seen_b, yaw), asked=alive, **where)
     back = b_sees_a(cones.b, seen_a, yaw, asked=seen, **where)
@@ -204,7 +208,7 @@ def _mark_unseen(
     _mark(reason, seen, back, number + 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _begin(
     along_x: BoolArray, along_y: BoolArray, asked: BoolArray, all_of_them: bool, alive: BoolArray, reason: ByteArray
 ) -> bool:
@@ -218,7 +222,7 @@ def _begin(
     return some
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _narrow(asked: BoolArray, met: BoolArray, wanted: bool) -> bool:
     """Ask on only where what was met is what is wanted; whether any pose is left."""
     some = False
@@ -229,7 +233,7 @@ def _narrow(asked: BoolArray, met: BoolArray, wanted: bool) -> bool:
     return some
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -> bool:
     """Blame a constraint for what was alive and did not pass it; whether anything did."""
     some = False
