@@ -38,6 +38,7 @@ from mhvedit.pipeline.terms import (
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.groups import located_solutions
 from mhvedit.search.poses import PoseGrid
+from mhvedit.search.scratch import Scratch
 from mhvedit.search.sight import MutualSight
 from mhvedit.search.solve import BASE_REASONS, ReasonMap, SightTest, search_poses
 from mhvedit.sequences.segments import SegmentPair
@@ -136,7 +137,7 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
         progress: told the share of the search that is done.
     """
     volumes = cache(lambda: volumes_of(stages))
-    spec, search = stages.spec, partial(search_poses, grid, workers=stages.workers)
+    spec, search = stages.spec, partial(search_poses, grid, workers=stages.workers, scratch=Scratch())
 
     def contact(among: BoolArray | None) -> ReasonMap:
         return search(contact_clauses(spec, *volumes()), among=among, progress=progress)

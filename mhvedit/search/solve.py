@@ -76,6 +76,7 @@ def search_poses(
     among: BoolArray | None = None,
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
+    scratch: Scratch | None = None,
 ) -> ReasonMap:
     """Test every pose of a grid, exactly (Shi et al., section 4.3.2).
 
@@ -86,13 +87,15 @@ def search_poses(
         among: (X, Y, Yaw) poses to test; the others come back as outside the window. None for all.
         workers: threads; the result does not depend on it.
         progress: told the share that is done, 0 to 1.
+        scratch: for what is not needed afterwards.
     """
+    scratch = scratch or Scratch()
     prepared = _prepare(clauses, sight)
     reasons = BASE_REASONS + tuple(clause.reason for clause in clauses)
     if sight is not None:
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
-    found = np.empty((grid.n_yaw, grid.size, grid.size), np.uint8)
-    asked = None if among is None else _by_yaw(among)
+    found = scratch.array("found", (grid.n_yaw, grid.size, grid.size), np.uint8)
+    asked = None if among is None else _by_yaw(among, scratch)
     along_x, along_y = grid.reach()
     desks = local()
 
@@ -245,10 +248,10 @@ def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -
     return some
 
 
-def _by_yaw(among: BoolArray) -> BoolArray:
+def _by_yaw(among: BoolArray, scratch: Scratch) -> BoolArray:
     """(X, Y, K) as (K, X, Y)."""
     n_x, n_y, n_k = among.shape
-    out = np.empty((n_k, n_x, n_y), np.bool_)
+    out = scratch.array("asked", (n_k, n_x, n_y), np.bool_)
     _lay(among, out.transpose(1, 2, 0))
     return out
 
