@@ -87,8 +87,9 @@ def frame_targets(own: Figures) -> list[Target]:
 
 def chain_targets(own: Figures) -> list[Target]:
     """Of the chain."""
-    slowest = max(float(row["seconds"]) for row in own["rows"] if "200,000" in row["states"])
-    return [at_most("chain of 9 segments of 200,000 states, slowest", 3, slowest, "s")]
+    states = [int(row["states"].split("x")[1].replace(",", "")) for row in own["rows"]]
+    slowest = max(float(row["seconds"]) for row, count in zip(own["rows"], states, strict=True) if count <= 200_000)
+    return [at_most("chain of 9 segments of up to 200,000 states, slowest", 3, slowest, "s")]
 
 
 def start_targets(own: Figures) -> list[Target]:
