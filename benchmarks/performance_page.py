@@ -18,17 +18,17 @@ The paper reports 287 minutes for a workload of this size, on a machine of its d
 NOTE_SOLVE = """\
 *Answer*: `edit.json` and all solution groups are written; what `mhvedit solve` does after that, the check on the
 meshes and the report, is told apart. Seconds are of the whole process with `--answer-only`, from its start to its end;
-the fastest of two runs. Two segments are worked on at a time, so that their times overlap. Kernels are compiled
+the fastest of three runs. Two segments are worked on at a time, so that their times overlap. Kernels are compiled
 already, and the system may have the OBJ files in memory. Kept frames are converted meshes, and where each is (its
 centre and bounds).
 """
 NOTE_EDITS = """\
 The scene file is changed in one place, and solved again on the same folder. *Command*: `mhvedit solve --answer-only`,
-from the start of the process to its end. *Python*: `api.solve(api.load(...), previous=...)` in a process that has
-solved the scene before; *written* adds `api.write`, which writes all solution groups anew. The targets are for a change
-of one segment; the last two rows change all nine. Where the segments keep a pose in common, the chain costs nothing;
-the changes of `tolerance.voxels` and `tolerance.apart` take the last one away, so that a chain of different placements
-has to be found, and proven best.
+from the start of the process to its end, the fastest of three runs. *Python*: `api.solve(api.load(...),
+previous=...)` in a process that has solved the scene before; *written* adds `api.write`, which writes all solution
+groups anew. The targets are for a change of one segment; the last two rows change all nine. Where the segments keep a
+pose in common, the chain costs nothing; the changes of `tolerance.voxels` and `tolerance.apart` take the last one
+away, so that a chain of different placements has to be found, and proven best.
 """
 NOTE_MEASURED = """\
 In brackets how long `import numba` took when a part had been measured: the machine's speed varies by a factor of two

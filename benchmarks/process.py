@@ -40,6 +40,7 @@ def run(*command: str | Path, env: Mapping[str, str] | None = None) -> Ran:
         CalledProcessError: it ended with an error.
     """
     around = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | dict(env or {})
+    os.sync()  # what others have left to be written would be in its way
     began = time.perf_counter()
     with subprocess.Popen(
         [str(word) for word in command], stdout=subprocess.PIPE, cwd=ROOT, env=around, text=True
