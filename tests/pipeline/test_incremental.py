@@ -114,7 +114,7 @@ def test_a_pose_is_not_tested_again_because_another_contact_is_asked_for(
     def solved(change: tuple[Change, ...], previous: Result | None = None) -> tuple[Result, dict[str, int]]:
         asked.update(bodies=0, sight=0)
         cache = folder / "cache" if kept == "on disk" else None
-        result = api.solve(api.load(write_scene(folder, *change), cache=cache), previous=previous)
+        result = api.solve(api.load(write_scene(folder, *change), cache=cache), workers=1, previous=previous)
         return result, dict(asked)
 
     monkeypatch.setattr(stages, "search_poses", counted)
@@ -124,7 +124,7 @@ def test_a_pose_is_not_tested_again_because_another_contact_is_asked_for(
     third, again = solved((), None if kept == "on disk" else second)
     assert more["bodies"] > 0 and again == {"bodies": 0, "sight": 0}
     asked.update(bodies=0, sight=0)
-    afresh = api.solve(api.load(write_scene(folder, lax)))
+    afresh = api.solve(api.load(write_scene(folder, lax)), workers=1)
     assert {kind: few[kind] + more[kind] for kind in few} == asked
     same(second, afresh)
     same(third, first)
