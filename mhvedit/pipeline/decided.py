@@ -32,18 +32,18 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
     kept = store.kept(key)
     if kept is None:
         found = search(among)
-        _keep(store, key, found, grid.window)
+        _keep(store, key, found)
         return found
     reasons = tuple(kept["reasons"].tolist())
     if among is None and kept["window"] == grid.window:
         return ReasonMap(grid, _kept_map(kept, grid), reasons)
-    window = max(grid.window, float(kept["window"]))
-    known = _laid(kept, grid, window)
+    whole = _with_window(grid, max(grid.window, float(kept["window"])))
+    known = _laid(kept, whole)
     left = inside(grid) if among is None else among.copy()
     told = np.empty(left.shape, np.uint8)
     if _look_up(known, left, told):
         _fill(told, known, left, search(left).reason)
-        _keep(store, key, ReasonMap(_with_window(grid, window), known, reasons), window)
+        _keep(store, key, ReasonMap(whole, known, reasons))
     return ReasonMap(grid, told, reasons)
 
 
@@ -53,23 +53,20 @@ def inside(grid: PoseGrid) -> BoolArray:
     return np.asarray(x.T[:, None] & y.T[None, :])
 
 
-def _keep(store: Store, key: Key, found: ReasonMap, window: float) -> None:
+def _keep(store: Store, key: Key, found: ReasonMap) -> None:
     """Keep a map in place of a smaller one."""
     values, lengths = run_lengths(found.reason.ravel())
-    reasons = np.array(found.reasons)
-    store.keep(
-        key, {"values": values, "lengths": lengths.astype(np.int32), "reasons": reasons, "window": np.array(window)}
-    )
+    window, reasons = np.array(found.grid.window), np.array(found.reasons)
+    store.keep(key, {"values": values, "lengths": lengths.astype(np.int32), "reasons": reasons, "window": window})
 
 
-def _laid(kept: Arrays, grid: PoseGrid, window: float) -> ByteArray:
-    """A kept map on the lattice of a window that is not smaller."""
+def _laid(kept: Arrays, grid: PoseGrid) -> ByteArray:
+    """A kept map on a grid whose window is not smaller."""
     before = _kept_map(kept, _with_window(grid, float(kept["window"])))
-    size = _with_window(grid, window).size
-    if size == len(before):
+    if grid.size == len(before):
         return before
-    known = np.full((size, size, grid.n_yaw), OUTSIDE, np.uint8)
-    border = (size - len(before)) // 2
+    known = np.full((grid.size, grid.size, grid.n_yaw), OUTSIDE, np.uint8)
+    border = (grid.size - len(before)) // 2
     known[border : border + len(before), border : border + len(before)] = before
     return known
 

@@ -13,7 +13,7 @@ from mhvedit.pipeline.stages import Pair, Progress, Stages, found_by, grid_of, g
 from mhvedit.pipeline.store import Arrays, Store, entry_name
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.groups import SolutionGroup, described
-from mhvedit.search.poses import PoseGrid
+from mhvedit.search.poses import PoseGrid, lattice_pose
 from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap
 from mhvedit.sequences.segments import SegmentPair
 
@@ -174,6 +174,6 @@ def _lattice_keys(cells: IntArray, rows: IntArray, size: int, base: IntArray) ->
     """(N, 3) lattice poses of the cells of some rows."""
     keys = np.empty((rows.shape[0], 3), np.int64)
     for n in range(rows.shape[0]):
-        place, k = divmod(np.int64(cells[rows[n]]), base.shape[0])
-        keys[n, 0], keys[n, 1], keys[n, 2] = base[k, 0] + place // size, base[k, 1] + place % size, k
+        i, j, k = lattice_pose(cells[rows[n]], size, base)
+        keys[n, 0], keys[n, 1], keys[n, 2] = i, j, k
     return keys

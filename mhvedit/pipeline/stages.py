@@ -149,11 +149,8 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
 
     def sight(among: BoolArray | None) -> ReasonMap:
         assert stages.cones is not None
-        a, b = (
-            (own.body for own in volumes())
-            if volumes.cache_info().currsize
-            else (_body(stages, side) for side in (0, 1))
-        )
+        loaded = volumes.cache_info().currsize > 0
+        a, b = (volumes()[side].body if loaded else _body(stages, side) for side in (0, 1))
         return search((), sight=SightTest(stages.cones, a, b), among=among)
 
     found = decided(stages.store, stages.of_contact, grid, contact)

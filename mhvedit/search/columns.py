@@ -96,7 +96,7 @@ def columns_of(volume: MotionHistoryVolume, layout: Layout, *, word: int = 0) ->
     z = volume.grid.start[2]
     first, past = (min(max(at - z, 0), volume.frames.shape[2]) for at in (layout.low, layout.high))
     frames = volume.frames[:, :, first:past, word]
-    column_of, cells = _occupied(frames)
+    column_of, cells = occupied(frames)
     voxels = _packed(frames, cells, z + first - layout.low, layout.n_slabs, layout.lanes, layout.tall)
     some, every = (voxels, voxels) if layout.tall == 1 else _pooled(voxels, layout.tall)
     start = np.array(volume.grid.start[:2])
@@ -138,7 +138,7 @@ def aligned(low: int, high: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def _occupied(frames: Words) -> tuple[Int32Array, Int32Array]:
+def occupied(frames: Words) -> tuple[Int32Array, Int32Array]:
     """Number the columns that hold anything, from EMPTY + 1 on: (X, Y) number, and (C - 1, 2) x, y."""
     column_of = np.full(frames.shape[:2], EMPTY, np.int32)
     cells = np.empty((frames.shape[0] * frames.shape[1], 2), np.int32)

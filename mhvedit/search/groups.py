@@ -9,7 +9,7 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.distance import distance_in_runs, distance_to_outside
 from mhvedit.geometry.planar import rotation
 from mhvedit.geometry.runs import runs_along_rows
-from mhvedit.search.poses import PoseGrid
+from mhvedit.search.poses import PoseGrid, lattice_pose
 from mhvedit.search.solve import ReasonMap
 
 
@@ -191,12 +191,26 @@ def _described(
     keys, poses = np.empty((count, 3), np.int64), np.empty((count, 3))
     distance, theta_a, theta_b = np.empty(count), np.empty(count), np.empty(count)
     for s in range(count):
-        row, k = divmod(np.int64(cells[s]), yaws.shape[0])
-        keys[s, 0], keys[s, 1], keys[s, 2] = base[k, 0] + row // size, base[k, 1] + row % size, k
+        i, j, k = lattice_pose(cells[s], size, base)
+        keys[s, 0], keys[s, 1], keys[s, 2] = i, j, k
         poses[s, 0], poses[s, 1], poses[s, 2] = keys[s, 0] * step, keys[s, 1] * step, yaws[k]
         x, y = poses[s, 0] + turned[k, 0], poses[s, 1] + turned[k, 1]
         bearing = np.arctan2(y, x)
         distance[s] = np.sqrt(x * x + y * y)
-        theta_a[s] = (bearing - facing[0] + np.pi) % (2 * np.pi) - np.pi
-        theta_b[s] = (bearing - facing[1] - yaws[k]) % (2 * np.pi) - np.pi
+        theta_a[s] = seen_from(bearing, facing[0], np.pi)
+        theta_b[s] = seen_from(bearing, facing[1], -yaws[k])
     return keys, poses, distance, theta_a, theta_b
+
+
+@njit(cache=True, nogil=True, inline="always")
+def seen_from(bearing: float, facing: float, turn: float) -> float:
+    """The angle in [-pi, pi) from a facing to a bearing, or (`turn`: less its yaw, for pi) from B's to the way back.
+
+    `%` would take longer than all else about a solution.
+    """
+    angle = bearing - facing + turn
+    while angle < 0:
+        angle += 2 * np.pi
+    while angle >= 2 * np.pi:
+        angle -= 2 * np.pi
+    return angle - np.pi

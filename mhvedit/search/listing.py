@@ -12,7 +12,10 @@ from numba import njit
 from mhvedit.files import Column
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import rotation, wrap_angle
-from mhvedit.search.poses import PoseGrid
+from mhvedit.search.groups import seen_from
+from mhvedit.search.poses import PoseGrid, lattice_pose
+
+Lattice = tuple[int, IntArray, float]  # size, base and step of a grid
 
 
 def listed(
@@ -40,12 +43,12 @@ def listed(
         return Column(len(cells), partial(_filled, fill, cells, terms))
 
     return {
-        "x": column(_fill_place, *lattice, left[0], c, s, np.cos(turn) * right[0], np.sin(turn) * right[1]),
-        "y": column(_fill_place, *lattice, left[1], s, -c, np.sin(turn) * right[0], -np.cos(turn) * right[1]),
+        "x": column(_fill_place, lattice, left[0], c, s, np.cos(turn) * right[0], np.sin(turn) * right[1]),
+        "y": column(_fill_place, lattice, left[1], s, -c, np.sin(turn) * right[0], -np.cos(turn) * right[1]),
         "yaw": column(_fill_yaw, wrap_angle(turn + right[2])),
-        "distance": column(_fill_distance, *lattice, roots),
-        "theta_a": column(_fill_theta, *lattice, roots, facing[0], np.full(grid.n_yaw, np.pi)),
-        "theta_b": column(_fill_theta, *lattice, roots, facing[1], -grid.yaws),
+        "distance": column(_fill_distance, lattice, roots),
+        "theta_a": column(_fill_theta, lattice, roots, facing[0], np.full(grid.n_yaw, np.pi)),
+        "theta_b": column(_fill_theta, lattice, roots, facing[1], -grid.yaws),
     }
 
 
@@ -55,18 +58,17 @@ def _filled(fill: Callable[..., None], cells: IntArray, terms: tuple[object, ...
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _place(cell: int, size: int, base: IntArray, step: float) -> tuple[float, float, int]:
+def _place(cell: int, lattice: Lattice) -> tuple[float, float, int]:
     """Where a pose is along x and y, and the number of its yaw."""
-    row, k = divmod(np.int64(cell), base.shape[0])
-    return (base[k, 0] + row // size) * step, (base[k, 1] + row % size) * step, k
+    size, base, step = lattice
+    i, j, k = lattice_pose(cell, size, base)
+    return i * step, j * step, k
 
 
 @njit(cache=True, nogil=True)
 def _fill_place(
     cells: IntArray,
-    size: int,
-    base: IntArray,
-    step: float,
+    lattice: Lattice,
     origin: float,
     by_x: float,
     by_y: float,
@@ -75,7 +77,7 @@ def _fill_place(
     out: FloatArray,
 ) -> None:
     for n in range(cells.shape[0]):
-        x, y, k = _place(cells[n], size, base, step)
+        x, y, k = _place(cells[n], lattice)
         out[n] = origin + by_x * x - by_y * y + by_yaw[k] - less_by_yaw[k]
 
 
@@ -86,35 +88,17 @@ def _fill_yaw(cells: IntArray, yaws: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _fill_distance(cells: IntArray, size: int, base: IntArray, step: float, roots: FloatArray, out: FloatArray) -> None:
+def _fill_distance(cells: IntArray, lattice: Lattice, roots: FloatArray, out: FloatArray) -> None:
     for n in range(cells.shape[0]):
-        x, y, k = _place(cells[n], size, base, step)
+        x, y, k = _place(cells[n], lattice)
         x, y = x + roots[k, 0], y + roots[k, 1]
         out[n] = np.sqrt(x * x + y * y)
 
 
 @njit(cache=True, nogil=True)
 def _fill_theta(
-    cells: IntArray,
-    size: int,
-    base: IntArray,
-    step: float,
-    roots: FloatArray,
-    facing: float,
-    by_yaw: FloatArray,
-    out: FloatArray,
+    cells: IntArray, lattice: Lattice, roots: FloatArray, facing: float, turns: FloatArray, out: FloatArray
 ) -> None:
     for n in range(cells.shape[0]):
-        x, y, k = _place(cells[n], size, base, step)
-        bearing = np.arctan2(y + roots[k, 1], x + roots[k, 0])
-        out[n] = _within_turn(bearing - facing + by_yaw[k]) - np.pi
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _within_turn(angle: float) -> float:
-    """The same angle in [0, 2 pi); `%` takes longer than all else about a row."""
-    while angle < 0:
-        angle += 2 * np.pi
-    while angle >= 2 * np.pi:
-        angle -= 2 * np.pi
-    return angle
+        x, y, k = _place(cells[n], lattice)
+        out[n] = seen_from(np.arctan2(y + roots[k, 1], x + roots[k, 0]), facing, turns[k])

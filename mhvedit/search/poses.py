@@ -8,6 +8,7 @@ of a segment is the square around A's root in which B's root may stand; its map 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import rotation
@@ -52,11 +53,10 @@ class PoseGrid:
         xy = (self.base[cells[:, 2]] + cells[:, :2]) * self.step
         return np.concatenate([xy, self.yaws[cells[:, 2], None]], 1)
 
-    def roots(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Where B's root stands relative to A's at one yaw: (size,) m along x and along y."""
-        turned = rotation(self.yaws[k]) @ self.root_b - self.root_a
-        along = (self.base[k][:, None] + np.arange(self.size)) * self.step + turned[:, None]
-        return along[0], along[1]
+    def roots(self) -> FloatArray:
+        """(n_yaw, 2, size) where B's root stands relative to A's along x, and along y, m."""
+        turned = rotation(self.yaws) @ self.root_b - self.root_a
+        return np.asarray((self.base[:, :, None] + np.arange(self.size)) * self.step + turned[:, :, None])
 
     def inside(self, k: int) -> BoolArray:
         """(size, size) which cells of one yaw have B's root in the window."""
@@ -65,10 +65,15 @@ class PoseGrid:
 
     def reach(self) -> tuple[BoolArray, BoolArray]:
         """(n_yaw, size) at which steps along x, and along y, B's root is in the window: where both are, a cell is."""
-        turned = rotation(self.yaws) @ self.root_b - self.root_a
-        along = (self.base[:, :, None] + np.arange(self.size)) * self.step + turned[:, :, None]
-        there = np.abs(along) <= self.window / 2 + 1e-9
+        there = np.abs(self.roots()) <= self.window / 2 + 1e-9
         return there[:, 0], there[:, 1]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def lattice_pose(cell: int, size: int, base: IntArray) -> tuple[int, int, int]:
+    """Steps of x and y, and of yaw, of a cell of the flattened grid (`size` and `base` as in `PoseGrid`)."""
+    row, k = divmod(np.int64(cell), base.shape[0])
+    return base[k, 0] + row // size, base[k, 1] + row % size, k
 
 
 def pose_grid(

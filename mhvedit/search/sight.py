@@ -14,7 +14,7 @@ from mhvedit.constraints.visibility import SightCone
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.planar import rotation
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.columns import EMPTY, WORD, Columns, Layout, TurnedColumns, outline_of
+from mhvedit.search.columns import WORD, Columns, Layout, TurnedColumns, occupied, outline_of
 from mhvedit.volumes.history import MotionHistoryVolume
 
 TOP = 6
@@ -36,7 +36,8 @@ def whole_columns(volume: MotionHistoryVolume) -> Columns:
     """All that is ever filled of a volume, as it is looked at: of one moment, with slabs of 64 voxels."""
     start = np.array(volume.grid.start)
     layout = Layout(int(start[2]), max(1, -(-volume.frames.shape[2] // WORD)), WORD, 1)
-    column_of, cells, voxels = _ever(volume.frames, layout.n_slabs)
+    column_of, cells = occupied(volume.frames.reshape(*volume.frames.shape[:2], -1))
+    voxels = _ever(volume.frames, cells, layout.n_slabs)
     return Columns(layout, column_of, start[:2], voxels, voxels, voxels, outline_of(cells, start[:2]))
 
 
@@ -95,29 +96,16 @@ height of its first voxel; where a level begins; its columns along y; lattice in
 
 
 @njit(cache=True, nogil=True)
-def _ever(frames: Words, n_slabs: int) -> tuple[Int32Array, Int32Array, Words]:
-    """(X, Y) number of each column, (C - 1, 2) x, y, and (C, S) a bit for each voxel that is ever filled."""
-    n_x, n_y, n_z, n_words = frames.shape
-    column_of = np.full((n_x, n_y), EMPTY, np.int32)
-    cells = np.empty((n_x * n_y, 2), np.int32)
-    voxels = np.zeros((n_x * n_y + 1, n_slabs), np.uint64)
-    n = 0
-    for x in range(n_x):
-        for y in range(n_y):
-            column, out, some = frames[x, y], voxels[n + 1], np.uint64(0)
-            for z in range(n_z):
-                for w in range(n_words):
-                    some |= column[z, w]
-            if some == 0:
-                continue
-            for z in range(n_z):
-                for w in range(n_words):
-                    if column[z, w] != 0:
-                        out[z // WORD] |= np.uint64(1) << np.uint64(z % WORD)
-            cells[n, 0], cells[n, 1] = x, y
-            n += 1
-            column_of[x, y] = EMPTY + n
-    return column_of, cells[:n].copy(), voxels[: n + 1].copy()
+def _ever(frames: Words, cells: Int32Array, n_slabs: int) -> Words:
+    """(C, S) a bit for each voxel of all columns that is ever filled, the empty column first."""
+    voxels = np.zeros((cells.shape[0] + 1, n_slabs), np.uint64)
+    for n in range(cells.shape[0]):
+        column, out = frames[cells[n, 0], cells[n, 1]], voxels[n + 1]
+        for z in range(column.shape[0]):
+            for w in range(column.shape[1]):
+                if column[z, w] != 0:
+                    out[z // WORD] |= np.uint64(1) << np.uint64(z % WORD)
+    return voxels
 
 
 @njit(cache=True, nogil=True)

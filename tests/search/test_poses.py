@@ -29,7 +29,7 @@ def test_poses_put_the_root_of_b_where_the_grid_says() -> None:
     cells = np.argwhere(np.stack([grid.inside(k) for k in range(36)], -1))
     for cell, pose in list(zip(cells, grid.poses(cells), strict=True))[::97]:
         offset = apply_pose(pose, grid.root_b) - grid.root_a
-        x, y = grid.roots(int(cell[2]))
+        x, y = grid.roots()[int(cell[2])]
         np.testing.assert_allclose(offset, (x[cell[0]], y[cell[1]]), atol=1e-12)
         assert np.abs(offset).max() <= 0.25 + 1e-9
         assert np.abs(offset - grid.offsets[cell[:2]]).max() <= grid.step / 2 + 1e-9
