@@ -26,7 +26,7 @@ class Places(NamedTuple):
     """Where steps start or end; a tuple, since kernels take it."""
 
     middle: ComplexArray  # (N,) m, of the disc
-    radius: FloatArray  # (N,) m, of the disc; targets with a negative one are left out
+    radius: FloatArray  # (N,) m, of the disc
     rest: ComplexArray  # (N,) m, where it lies if it does not slide
     slack: ComplexArray  # (N,) m, how far and which way it slides for a cost of 1/2 m^2
     blur: FloatArray  # (N,) m, radius of the disc besides
@@ -70,7 +70,7 @@ def cheapest_step_within(
     wanted, found = np.empty(8), order.shape[0] // 2
     stack, bounds, costs = np.empty(MOST_OPEN, np.int64), np.empty(MOST_OPEN), np.empty(BUNCH)
     for j in range(count):
-        if target.radius[j] >= 0 and budget[j] >= 0:
+        if budget[j] >= 0:
             wanted[0], wanted[1] = target.middle[j].real, target.middle[j].imag
             wanted[2], wanted[3] = target.rest[j].real, target.rest[j].imag
             wanted[4], wanted[5] = target.slack[j].real, target.slack[j].imag

@@ -42,11 +42,12 @@ def test_the_cheapest_step_is_the_least_of_all(seed: int) -> None:
     budget = float(rng.choice([0.05, 0.5, np.inf]))
     every = value + plain_steps(source, target)
     wanted = ~left_out & (every.min(1) <= budget)
-    asked = Places(target.middle, np.where(left_out, -1.0, target.radius), target.rest, target.slack, target.blur)
-    least, nearest = cheapest_step(value, source, asked, budget)
+    least, nearest = cheapest_step_within(value, source, target, np.where(left_out, -1.0, budget))
     np.testing.assert_allclose(least, np.where(wanted, every.min(1), np.inf), rtol=1e-9, atol=1e-15)
     assert ((nearest >= 0) == wanted).all()
     np.testing.assert_allclose(every[wanted, nearest[wanted]], least[wanted], rtol=1e-9, atol=1e-15)
+    within = np.where(every.min(1) <= budget, every.min(1), np.inf)
+    np.testing.assert_allclose(cheapest_step(value, source, target, budget)[0], within, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(3))
