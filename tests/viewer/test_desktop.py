@@ -1,14 +1,11 @@
 """The viewer's window on a virtual screen."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from tests.viewer.needed import program
+from tests.viewer.needed import ran_on_screen
 
 SCRIPT = """
 import sys
@@ -76,22 +73,9 @@ session.close()
 
 
 def test_a_window_shows_the_scene_and_answers_keys_and_mouse(folder: Path, tmp_path: Path) -> None:
-    program("Xvfb")
-    run = program("xvfb-run")
     script = tmp_path / "window.py"
     script.write_text(SCRIPT)
-    command = [
-        run,
-        "-a",
-        "-s",
-        "-screen 0 1280x800x24",
-        sys.executable,
-        str(script),
-        str(folder / "out"),
-        str(tmp_path),
-    ]
-    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+    ran = ran_on_screen(script, folder / "out", tmp_path)
     assert ran.returncode == 0, ran.stderr
     first, clicked, told = (np.asarray(Image.open(tmp_path / f"{n}.png")) for n in ("first", "clicked", "help"))
     assert first.shape == (640, 1000, 3)

@@ -1,10 +1,7 @@
 """A folder of `mhvedit avoid` in the viewer."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +36,7 @@ from mhvedit.viewer.timeline import x_of
 from tests.avoidance.figures import figure
 from tests.avoidance.scenes import rise
 from tests.pipeline.toy import Ran
-from tests.viewer.needed import program
+from tests.viewer.needed import ran_on_screen
 
 SIZE = (640, 480)
 WAITS = 30  # frames before it moves
@@ -263,12 +260,9 @@ plotter.close()
 
 
 def test_a_window_shows_it_and_answers_keys_and_mouse(avoided: tuple[Path, AvoidOutcome], tmp_path: Path) -> None:
-    program("Xvfb")
-    (tmp_path / "window.py").write_text(SCRIPT)
-    screen = [program("xvfb-run"), "-a", "-s", "-screen 0 1280x800x24"]
-    command = [*screen, sys.executable, str(tmp_path / "window.py"), str(avoided[0]), str(tmp_path)]
-    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+    script = tmp_path / "window.py"
+    script.write_text(SCRIPT)
+    ran = ran_on_screen(script, avoided[0], tmp_path)
     assert ran.returncode == 0, ran.stderr
     first, clicked, above = (np.asarray(Image.open(tmp_path / f"{n}.png")) for n in ("first", "clicked", "above"))
     bodies, strip = np.s_[100 : 640 - HEIGHT], np.s_[640 - HEIGHT + 30 :]
