@@ -11,14 +11,14 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose, compose, invert
 from mhvedit.pipeline.keys import frames_key
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.store import Arrays, Store
+from mhvedit.pipeline.store import Store
 from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile
 from mhvedit.scene.shells import Cells, Float32Array, Shells, cells_of, shell_of, stacked, touching
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.volumes.parts import OwnMesh
 
-VERSION: Final = 1  # of what is kept; raise it when shells change
+VERSION: Final = 2  # of what is kept; raise it when shells change
 THREADS: Final = 2
 
 
@@ -127,21 +127,31 @@ def inside(points: FloatArray, floor: FloatArray) -> BoolArray:
 
 def _body(scene: SceneFile, person: Person, source: IntArray, wanted: BoolArray, store: Store) -> Body:
     numbers = np.unique(source[wanted])
-    spec = scene.subjects[person.subject.name]
-    sequences = solids_of(person)
+    shells = _shells(scene, person, numbers, store)
+    return Body(shells, cells_of(shells), np.where(wanted, np.searchsorted(numbers, source), -1))
+
+
+def _shells(scene: SceneFile, person: Person, numbers: IntArray, store: Store) -> Shells:
+    """Somebody's shells in some frames, ascending; those that no earlier edit has asked for are made and kept too."""
+    spec, sequences = scene.subjects[person.subject.name], solids_of(person)
+    frames = [frames_key(sequence, np.array(sequence.numbers), store.contents) for sequence in sequences]
+    key = ("shells", VERSION, frames, spec.units, spec.up)
 
     def shell(number: int) -> Float32Array:
         return np.concatenate([shell_of(sequence.mesh(number)) for sequence in sequences])
 
-    def build() -> Arrays:
+    kept = store.kept(key)
+    known = np.zeros(0, np.int64) if kept is None else kept["numbers"]
+    missing = np.setdiff1d(numbers, known)
+    if kept is None or len(missing):
+        before = [] if kept is None else Shells(kept["points"], kept["stops"]).each()
         with ThreadPoolExecutor(THREADS) as pool:
-            shells = stacked(list(pool.map(shell, numbers.tolist())))
-        return {"points": shells.points, "stops": shells.stops}
-
-    frames = [frames_key(sequence, numbers, store.contents) for sequence in sequences]
-    kept = store.arrays(("shells", VERSION, frames, spec.units, spec.up), build)
-    shells = Shells(np.asarray(kept["points"]), np.asarray(kept["stops"]))
-    return Body(shells, cells_of(shells), np.where(wanted, np.searchsorted(numbers, source), -1))
+            every = [*before, *pool.map(shell, missing.tolist())]
+        order = np.argsort(np.append(known, missing))
+        made = stacked([every[n] for n in order])
+        known = np.append(known, missing)[order]
+        kept = store.keep(key, {"numbers": known, "points": made.points, "stops": made.stops})
+    return Shells(kept["points"], kept["stops"]).some(np.searchsorted(known, numbers))
 
 
 def solids_of(person: Person) -> list[MeshSequence]:

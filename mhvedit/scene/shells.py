@@ -35,6 +35,15 @@ class Shells:
         """(K, 3) m, the points of one frame."""
         return self.points[self.stops[frame] : self.stops[frame + 1]].astype(np.float64)
 
+    def each(self) -> list[Float32Array]:
+        """(K, 3) m of every frame; views."""
+        return np.split(self.points, self.stops[1:-1])
+
+    def some(self, frames: IntArray) -> "Shells":
+        """Some of the frames."""
+        each = self.each()
+        return stacked([each[frame] for frame in frames])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:

@@ -1,5 +1,6 @@
 """Where frames come from: a folder of numbered files or one .npz; frame numbers are known before meshes are read."""
 
+import os
 import re
 import threading
 import zipfile
@@ -88,21 +89,24 @@ def numbered_files(folder: Path) -> dict[int, Path]:
     """
     found: dict[int, Path] = {}
     try:
-        files = sorted(folder.iterdir())
+        with os.scandir(folder) as entries:
+            inside = sorted(entries, key=lambda entry: entry.name)
     except OSError as error:
         raise CaptureError(folder, "a folder that can be read", str(error.strerror)) from error
-    for file in files:
-        digits = re.findall(r"\d+", file.stem)
-        if not digits or file.name.startswith(".") or file.suffix.lower() not in PARSERS or file.is_dir():
+    first: Path | None = None
+    for entry in inside:
+        file = Path(entry.path)
+        suffix, digits = file.suffix.lower(), re.findall(r"\d+", file.stem)
+        if not digits or entry.name.startswith(".") or suffix not in PARSERS or entry.is_dir():
             continue
-        number, first = int(digits[-1]), next(iter(found.values()), file)
-        if file.suffix.lower() != first.suffix.lower():
+        number, first = int(digits[-1]), first or file
+        if suffix != first.suffix.lower():
             raise CaptureError(folder, "meshes of one format", f"{first.name} and {file.name}")
         if number in found:
             raise CaptureError(folder, "each frame number once", f"{found[number].name} and {file.name}")
         found[number] = file
     if not found:
-        what = f"{len(files)} other files ({files[0].name} ...)" if files else "an empty folder"
+        what = f"{len(inside)} other files ({inside[0].name} ...)" if inside else "an empty folder"
         raise CaptureError(folder, "numbered files like body_0001 ending in " + " ".join(PARSERS), what)
     return dict(sorted(found.items()))
 

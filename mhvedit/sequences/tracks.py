@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from mhvedit.errors import CaptureError
 from mhvedit.files import replacing
+from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.sequences.axes import check_axes, from_metres_z_up, to_metres_z_up
 from mhvedit.sequences.meshes import JointTracks
 
@@ -31,39 +33,55 @@ def read_tracks(path: Path | str, *, units: str = "m", up: str = "z") -> JointTr
     """
     path = Path(path)
     check_axes(units, up)
-    found = _rows(path)
-    numbers = sorted({frame for frame, _ in found})
-    joints = tuple(dict.fromkeys(joint for _, joint in found))
-    at_number = {number: t for t, number in enumerate(numbers)}
-    at_joint = {joint: j for j, joint in enumerate(joints)}
-    points = np.full((len(numbers), len(joints), 3), np.nan)
-    times = np.array([at_number[frame] for frame, _ in found])
-    which = np.array([at_joint[joint] for _, joint in found])
-    points[times, which] = to_metres_z_up(np.array(list(found.values())), units=units, up=up)
-    return JointTracks(np.array(numbers, np.int64), joints, points)
+    numbers, names, points = _read(path)
+    frames, times = np.unique(numbers, return_inverse=True)
+    joints = {joint: j for j, joint in enumerate(dict.fromkeys(names))}
+    positions = np.full((len(frames), len(joints), 3), np.nan)
+    positions[times, [joints[name] for name in names]] = to_metres_z_up(points, units=units, up=up)
+    return JointTracks(frames, tuple(joints), positions)
 
 
-def _rows(path: Path) -> dict[tuple[int, str], tuple[float, float, float]]:
-    """Positions by frame and joint, as written."""
-    found: dict[tuple[int, str], tuple[float, float, float]] = {}
+def _read(path: Path) -> tuple[IntArray, list[str], FloatArray]:
+    """(N,) frame and (N,) joint of every line, and its (N, 3) position as written."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file)
-            where = _columns(path, next(rows, []))
-            for row in rows:
-                if not any(cell.strip() for cell in row):
-                    continue
-                frame, joint, point = _row(f"{path}: line {rows.line_num}", row, where)
-                if (frame, joint) in found:
-                    raise CaptureError(
-                        f"{path}: line {rows.line_num}", "each joint once a frame", f"{joint} again in frame {frame}"
-                    )
-                found[frame, joint] = point
+            reader = csv.reader(file)
+            where = _columns(path, next(reader, []))
+            numbered = [(reader.line_num, row) for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise CaptureError(path, "a readable CSV file", f"{type(error).__name__}: {error}") from error
-    if not found:
+    rows = {line: row for line, row in numbered if any(map(str.strip, row))}
+    if not rows:
         raise CaptureError(path, "at least one row", "none")
-    return found
+    try:
+        frames, names, *points = ([row[i] for row in rows.values()] for i in where)
+        numbers = np.array([int(frame) for frame in frames], np.int64)
+        joints = [name.strip() for name in names]
+        positions = np.array([[float(number) for number in axis] for axis in points]).T
+    except (IndexError, ValueError, OverflowError):
+        raise _first_fault(path, rows, where) from None
+    if not all(joints) or not np.isfinite(positions).all() or _repeats(numbers, joints):
+        raise _first_fault(path, rows, where)
+    return numbers, joints, positions
+
+
+def _repeats(numbers: IntArray, joints: list[str]) -> bool:
+    return len(set(zip(numbers.tolist(), joints, strict=True))) < len(joints)
+
+
+def _first_fault(path: Path, rows: Mapping[int, list[str]], where: tuple[int, ...]) -> CaptureError:
+    """What to say of lines that cannot all be read."""
+    seen: set[tuple[int, str]] = set()
+    for line, row in rows.items():
+        at = f"{path}: line {line}"
+        try:
+            frame, joint = _frame_and_joint(at, row, where)
+        except CaptureError as fault:
+            return fault
+        if (frame, joint) in seen:
+            return CaptureError(at, "each joint once a frame", f"{joint} again in frame {frame}")
+        seen.add((frame, joint))
+    raise AssertionError(f"{path}: no line is at fault")
 
 
 def _columns(path: Path, header: list[str]) -> tuple[int, ...]:
@@ -74,16 +92,16 @@ def _columns(path: Path, header: list[str]) -> tuple[int, ...]:
     return tuple(names.index(name) for name in COLUMNS)
 
 
-def _row(line: str, row: list[str], where: tuple[int, ...]) -> tuple[int, str, tuple[float, float, float]]:
-    """Frame, joint and position of one line."""
+def _frame_and_joint(line: str, row: list[str], where: tuple[int, ...]) -> tuple[int, str]:
+    """Of one line, which has a position too."""
     try:
-        frame, joint, x, y, z = (row[i].strip() for i in where)
-        number, point = int(frame), (float(x), float(y), float(z))
-    except (IndexError, ValueError):
+        frame, joint, *point = (row[i].strip() for i in where)
+        number, finite = int(np.int64(int(frame))), all(math.isfinite(float(x)) for x in point)
+    except (IndexError, ValueError, OverflowError):
         raise CaptureError(line, "a frame number, a joint and three numbers", repr(",".join(row)[:80])) from None
-    if not joint or not all(map(math.isfinite, point)):
+    if not joint or not finite:
         raise CaptureError(line, "a joint with a finite position", repr(",".join(row)[:80]))
-    return number, joint, point
+    return number, joint
 
 
 def write_tracks(tracks: JointTracks, path: Path | str, *, units: str = "m", up: str = "z") -> None:

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mhvedit import api
-from mhvedit.pipeline import run, stages
+from mhvedit.pipeline import bodies, run, stages
 from mhvedit.pipeline.job import Result
+from mhvedit.pipeline.people import meet_people
 from mhvedit.pipeline.run import Outcome, run_scene
 from mhvedit.pipeline.terms import segment_clauses
+from mhvedit.scene.shells import shell_of
 from mhvedit.search.solve import SightTest, search_poses
+from mhvedit.sequences.meshes import Mesh
 from tests.pipeline.toy import LOWER_TABLE, RAISE_TABLE, Ran, files_of, write_scene
 
 pytestmark = pytest.mark.usefixtures("unmeasured")
@@ -128,6 +132,30 @@ def test_a_pose_is_not_tested_again_because_another_contact_is_asked_for(
     assert {kind: few[kind] + more[kind] for kind in few} == asked
     same(second, afresh)
     same(third, first)
+
+
+def test_a_shell_is_not_made_again_because_other_frames_are_in_question(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of every frame once, whatever else is asked for; and those of one frame do not depend on it."""
+    job = api.load(folder / "scene.toml", cache=folder / "cache")
+    people = meet_people(job.scene, job.subjects, job.store)
+    made: list[Mesh] = []
+
+    def counted(mesh: Mesh) -> NDArray[np.float32]:
+        made.append(mesh)
+        return shell_of(mesh)
+
+    monkeypatch.setattr(bodies, "shell_of", counted)
+    numbers = np.array(people["anna"].sequence.numbers)
+    for asked in ([4, 5, 9], [2, 4, 5], [9, 2], list(range(12))):
+        wanted = np.isin(np.arange(len(numbers)), asked)
+        one = bodies.bodies_of(job.scene, people, {"anna": numbers}, job.store, wanted={"anna": wanted})["anna"]
+        assert np.array_equal(one.rows >= 0, wanted)
+        for frame in asked:
+            shell = shell_of(people["anna"].sequence.mesh(int(numbers[frame])))
+            np.testing.assert_array_equal(one.shells.of(int(one.rows[frame])), shell)
+    assert len(made) == 12
 
 
 def test_what_did_not_change_is_taken_over(folder: Path) -> None:

@@ -57,12 +57,17 @@ def test_round_trip(tmp_path: Path, units: str, up: str) -> None:
             "t.csv: line 3: expected a frame number, a joint and three numbers, found '1,a,1,2'",
         ),
         (HEADER + "0.5,a,1,2,3\n", "t.csv: line 2: expected a frame number"),
+        (HEADER + f"0,a,1,2,3\n{10**20},a,1,2,3\n", "t.csv: line 3: expected a frame number"),
         (HEADER + "0,a,1,two,3\n", "t.csv: line 2: expected a frame number"),
         (HEADER + "0,a,1,nan,3\n", "t.csv: line 2: expected a joint with a finite position, found '0,a,1,nan,3'"),
         (HEADER + "0,,1,2,3\n", "t.csv: line 2: expected a joint with a finite position"),
         (
             HEADER + "0,a,1,2,3\n0,a,1,2,3\n",
             "t.csv: line 3: expected each joint once a frame, found a again in frame 0",
+        ),
+        (
+            HEADER + "7,a,1,2,3\n\n7,b,1,2,3\n07, a,1,2,3\n8,a,1,2\n",
+            "t.csv: line 5: expected each joint once a frame, found a again in frame 7",
         ),
     ],
 )
