@@ -1,16 +1,15 @@
 """Springs along a run of frames: the change of least cost where everything that is not met pushes.
 
 The cost of a change is its size and its second differences, so the system of all frames and DOFs is a band of two
-frames on either side. It is factored here, in compiled code on one thread: the result does not depend on how many
-threads a library takes, and small blocks do not wait for each other.
+frames on either side.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.band import solve_band
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +71,7 @@ def least_cost_move(course: Course, springs: Springs, steps: Steps, *, updates: 
         band, pull = _cost_band(course)
         _add_springs(band, pull, springs, up, down)
         _add_steps(band, pull, steps, fast)
-        if not solve_band(band.reshape(n * f, 2 * f + 1), pull.reshape(n * f)):
+        if not solve_band(band.reshape(n * f, 2 * f + 1), pull.reshape(n * f, 1)):
             break
         move = pull
     return move
@@ -115,38 +114,3 @@ def _add_steps(band: FloatArray, pull: FloatArray, steps: Steps, fast: FloatArra
     band[:, :, 2 * f] += push[:-1] + push[1:]
     pull += wanted[:-1] - wanted[1:]
     band[1:, :, f] -= push[1:-1]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def solve_band(band: FloatArray, right: FloatArray) -> bool:
-    """Solve a positive definite system in place, by Cholesky.
-
-    Args:
-        band: (n, k + 1) of each row, what is left of the diagonal and it; becomes the factor.
-        right: (n,) right side; becomes the solution.
-
-    Returns:
-        Whether the matrix is positive definite; if not, both are of no use.
-    """
-    n, k = band.shape[0], band.shape[1] - 1
-    for i in range(n):
-        low, row = max(0, i - k), band[i]
-        for j in range(low, i + 1):
-            other, mine, its, total = band[j], low - i + k, low - j + k, 0.0
-            for m in range(j - low):
-                total += row[mine + m] * other[its + m]
-            left = row[k - i + j] - total
-            if j < i:
-                row[k - i + j] = left / other[k]
-            elif left > 0.0:
-                row[k] = np.sqrt(left)
-            else:
-                return False
-        for j in range(low, i):
-            right[i] -= row[k - i + j] * right[j]
-        right[i] /= row[k]
-    for i in range(n - 1, -1, -1):
-        right[i] /= band[i, k]
-        for j in range(max(0, i - k), i):
-            right[j] -= band[i, k - i + j] * right[i]
-    return True

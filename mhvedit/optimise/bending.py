@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray
+from mhvedit.geometry.band import band_solution
 from mhvedit.optimise.transitions import motion_bands
 
 STIFF: Final = 1e4  # of what is asked, against an acceleration
@@ -99,8 +99,7 @@ def _solved(bands: FloatArray, free: BoolArray, pushes: Sequence[Push]) -> Float
         off[:-offset] |= held[offset:]
         matrix[offset, off] = 0.0
     matrix[0, held], target[held] = 1.0, 0.0
-    found = solveh_banded(matrix, target, lower=True)
-    return np.asarray(found.reshape(n, people, 2).transpose(1, 0, 2))
+    return band_solution(matrix, target[:, None]).reshape(n, people, 2).transpose(1, 0, 2)
 
 
 def _energy(bands: FloatArray, shift: FloatArray) -> float:

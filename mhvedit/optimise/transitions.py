@@ -11,12 +11,11 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
-from scipy.ndimage import gaussian_filter1d
-from scipy.special import expit
 
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.band import band_solution
 from mhvedit.geometry.planar import apply_pose, rotation
+from mhvedit.geometry.smoothing import smoothed
 
 SMOOTHING = 4.0  # frames, standard deviation
 LEAST_ACCELERATION = 1e-9  # its share where only velocity is asked for, so that fast frames are tied down too
@@ -32,15 +31,13 @@ class PathSettings:
     slow_turn: float = 0.01  # rad a frame
 
 
-def smoothed(values: FloatArray) -> FloatArray:
+def calmed(values: FloatArray) -> FloatArray:
     """Centres or angles without the noise of single frames.
 
     Args:
         values: (N, ...).
     """
-    if len(values) < 3:
-        return values
-    return np.asarray(gaussian_filter1d(values, SMOOTHING, axis=0, mode="nearest"))
+    return values if len(values) < 3 else smoothed(values, SMOOTHING)
 
 
 def placement_path(fixed: FloatArray, *, centres: FloatArray, facing: FloatArray, settings: PathSettings) -> FloatArray:
@@ -56,12 +53,12 @@ def placement_path(fixed: FloatArray, *, centres: FloatArray, facing: FloatArray
         (N, 3) placements; before the first and after the last key segment they move rigidly with it.
     """
     known = np.flatnonzero(~np.isnan(fixed[:, 0]))
-    pivot = smoothed(centres)
+    pivot = calmed(centres)
     slow_shift = shift_weights(centres, settings)
     placements = np.array(fixed)
     placements[known, 2] = np.unwrap(fixed[known, 2])
     placements[: known[0]], placements[known[-1] + 1 :] = placements[known[0]], placements[known[-1]]
-    turned = np.abs(np.diff(smoothed(np.unwrap(facing))))
+    turned = np.abs(np.diff(calmed(np.unwrap(facing))))
     slow_turn = slowness(turned, settings.slow_turn, settings.alpha)
     for before, after in itertools.pairwise(known.tolist()):
         if after - before > 1:
@@ -84,7 +81,7 @@ def shift_weights(centres: FloatArray, settings: PathSettings) -> FloatArray:
         centres: (N, 2) m, in the capture's frame.
         settings: weights.
     """
-    steps = np.linalg.norm(np.diff(smoothed(centres), axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(calmed(centres), axis=0), axis=1)
     return slowness(steps, settings.slow_speed, settings.alpha)
 
 
@@ -100,7 +97,7 @@ def slowness(steps: FloatArray, slow: float, alpha: float) -> FloatArray:
         (N,) weights in (0, 1).
     """
     before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
-    return np.asarray(expit(-alpha * (0.5 * (before + after) - slow)))
+    return np.asarray(0.5 - 0.5 * np.tanh(0.5 * alpha * (0.5 * (before + after) - slow)))
 
 
 def motion_bands(weight: FloatArray, delta: float) -> FloatArray:
@@ -166,5 +163,4 @@ def _bridge(ends: FloatArray, weight: FloatArray, delta: float) -> FloatArray:
     inner = np.zeros((3, count))
     for offset in range(3):
         inner[offset, : max(count - offset, 0)] = bands[offset, 2 : count + 2 - offset]
-    inner = inner[: min(count, 3)]
-    return np.asarray(solveh_banded(inner, target, lower=True).reshape(count, *ends.shape[1:]))
+    return band_solution(inner, target).reshape(count, *ends.shape[1:])

@@ -40,7 +40,6 @@ from mhvedit.project.schema import SubjectSpec
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
-from mhvedit.sequences.inspect import capture_warnings, inspect_capture
 from mhvedit.volumes.parts import OwnMesh
 
 VERSION = 3  # of what is written; raise it when the reports change
@@ -232,6 +231,8 @@ def _capture_warnings(spec: SubjectSpec, subject: Subject, store: Store) -> list
     """Of one capture; kept until it, or what lies beside its files, changes."""
 
     def build() -> Arrays:
+        from mhvedit.sequences.inspect import capture_warnings, inspect_capture  # takes long to load, and is kept
+
         cache = None if store.folder is None else store.folder.parent / "frames"
         summary = inspect_capture(
             spec.path.path,

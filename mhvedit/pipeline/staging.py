@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.planar import apply_pose, compose, invert, rotation, wrap_angle
@@ -179,6 +178,8 @@ def _nearest_free(own: FloatArray, others: FloatArray, aim: FloatArray, floor: F
     shape = np.ceil((high - low) / CELL).astype(np.int64) + 1
     blocked: BoolArray = np.zeros(shape, np.bool_)
     blocked[tuple(_cells(others - low).astype(np.int64).T)] = True
+    from scipy.ndimage import binary_dilation  # takes long to import, and most scenes have an empty stage
+
     blocked = binary_dilation(blocked, np.ones((3, 3)))
     if len(floor):
         grid = np.stack(np.meshgrid(*(low[i] + CELL * np.arange(shape[i]) for i in (0, 1)), indexing="ij"), -1)

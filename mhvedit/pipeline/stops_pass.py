@@ -17,7 +17,6 @@ from mhvedit.geometry.arrays import FloatArray
 from mhvedit.pipeline.assemble import Assembly, Stop
 from mhvedit.pipeline.bodies import bodies_of, surroundings_of
 from mhvedit.pipeline.depths import Movers, depths_at_first, frames_of, movers_of, relative_placements
-from mhvedit.pipeline.fitted import VERSION as FITS
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.store import Arrays, Key, Store, kept_file
 from mhvedit.project.props import Prop
@@ -103,6 +102,8 @@ def _movers(
 
 def _key(movers: Movers, name: str, store: Store) -> Key:
     """All that somebody's stopped meshes depend on: everybody's frames, and where they stand beside her."""
+    from mhvedit.pipeline.fitted import VERSION as FITS  # takes long to load, and few scenes need it
+
     paths, spec = movers.paths({}), movers.scene.subjects[name]
     others = [
         (other, frames_of(movers, other, store), relative_placements(paths[name], paths[other]).tolist())

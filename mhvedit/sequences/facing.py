@@ -1,10 +1,10 @@
 """Which way a person's body faces: given by a track, or found from the geometry of a capture without a skeleton."""
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from mhvedit.errors import SceneError, ShapeError
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.smoothing import smoothed
 from mhvedit.sequences.bodies import BodyTrack, across_body, horizontal_front, track_body
 from mhvedit.sequences.meshes import Facing, JointTracks, MeshSequence
 
@@ -80,4 +80,4 @@ def _smooth(flat: FloatArray, body: BodyTrack, frames: float) -> FloatArray:
     """Average (T, 2) vectors over neighbouring frames; gaps in the numbering are ignored."""
     if len(body.numbers) < 2 or frames <= 0:
         return flat
-    return np.asarray(gaussian_filter1d(flat, frames, axis=0, mode="nearest"))
+    return smoothed(flat, frames)

@@ -6,11 +6,11 @@ The eyes themselves can't be seen in a mesh: the direction is the one the face p
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from mhvedit.errors import SceneError
 from mhvedit.geometry.arrays import FloatArray, Int32Array
 from mhvedit.geometry.planar import invert
+from mhvedit.geometry.smoothing import smoothed
 from mhvedit.sequences.bodies import BodyTrack, track_body
 from mhvedit.sequences.body_fit import BodyPose, fit_body
 from mhvedit.sequences.body_model import EYES, NECK, SKULL, BodyModel, plain_head, rotation_from_vector
@@ -51,7 +51,7 @@ def gaze_of_body(sequence: MeshSequence, body: BodyTrack, *, workers: int = 1) -
         seen = list(pool.map(lambda at: _look_at_head(sequence, head, body, at), range(len(body.numbers))))
     eye, front = np.array(seen).swapaxes(0, 1)
     if len(front) > 1:
-        front = gaussian_filter1d(front, SMOOTHING * sequence.fps, axis=0, mode="nearest")
+        front = smoothed(front, SMOOTHING * sequence.fps)
     return Gaze(body.numbers, eye, front / np.linalg.norm(front, axis=1, keepdims=True))
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mhvedit.errors import ShapeError
 from mhvedit.geometry.arrays import BoolArray, FloatArray
@@ -149,6 +148,8 @@ def _belongs(
         case WithLabel():
             if mesh.labels is None or len(centres) == 0:
                 return np.zeros(len(centres), np.bool_)
+            from scipy.spatial import cKDTree  # takes long to import, and few captures are labelled
+
             nearest = cKDTree(mesh.vertices).query(centres)[1]
             return np.asarray(mesh.labels[nearest] == part.label)
         case NearBones():

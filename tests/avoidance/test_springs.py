@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from mhvedit.avoidance.springs import Course, Springs, Steps, least_cost_move, solve_band
+from mhvedit.avoidance.springs import Course, Springs, Steps, least_cost_move
 from mhvedit.geometry.arrays import FloatArray
 
 F = 3  # DOFs
@@ -51,15 +51,3 @@ def test_a_change_without_springs_goes_away() -> None:
     none = Springs(np.zeros(0, np.int64), np.zeros((0, F)), np.zeros(0), np.zeros(0), np.zeros(0))
     move = least_cost_move(course, none, Steps(np.full((7, F), np.nan), np.ones(F), 1.0), updates=3)
     assert np.allclose(course.change[2:-2] + move, 0, atol=1e-9)
-
-
-def test_banded_systems_are_solved() -> None:
-    rng, n, k = np.random.default_rng(0), 30, 7
-    full = rng.normal(size=(n, n))
-    full = np.where(np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= k, full + full.T, 0) + 20 * np.eye(n)
-    band = np.array([[full[i, i - k + m] if i - k + m >= 0 else 0.0 for m in range(k + 1)] for i in range(n)])
-    right = rng.normal(size=n)
-    solution = right.copy()
-    assert solve_band(band.copy(), solution)
-    assert np.allclose(full @ solution, right)
-    assert not solve_band(-band, right.copy())

@@ -8,7 +8,7 @@ from pytest import approx
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import apply_pose, rotation
-from mhvedit.optimise.transitions import PathSettings, placement_path, slowness, smoothed
+from mhvedit.optimise.transitions import PathSettings, calmed, placement_path, slowness
 
 SETTINGS = PathSettings()
 HERE, THERE = (0.0, 0.0, 0.0), (1.5, -0.7, 1.2)
@@ -35,7 +35,7 @@ def centres_of(placements: FloatArray, centres: FloatArray) -> FloatArray:
 
 def dense_path(fixed: FloatArray, centres: FloatArray, facing: FloatArray, settings: PathSettings) -> FloatArray:
     """One transition, frame by frame: turns first, then centres, as plain least squares."""
-    pivot, heading = smoothed(centres), smoothed(facing)
+    pivot, heading = calmed(centres), calmed(facing)
     known = np.flatnonzero(~np.isnan(fixed[:, 0]))
     first = int(np.flatnonzero(np.diff(known) > 1)[0])
     before, after = int(known[first]), int(known[first + 1])
