@@ -73,27 +73,37 @@ def _laid(kept: Arrays, grid: PoseGrid) -> ByteArray:
 
 @njit(cache=True, nogil=True)
 def _look_up(known: ByteArray, asked: BoolArray, told: ByteArray) -> bool:
-    """Tell what is known of the poses that are asked for, and ask on for the others; whether there are any."""
-    border, some = (known.shape[0] - asked.shape[0]) // 2, False
-    for x in range(asked.shape[0]):
-        for y in range(asked.shape[1]):
-            row, wanted, out = known[border + x, border + y], asked[x, y], told[x, y]
-            for k in range(row.shape[0]):
-                out[k] = row[k] if wanted[k] else OUTSIDE
-                wanted[k] &= row[k] == OUTSIDE
-                some |= wanted[k]
-    return some
+    """Tell what is known of the poses that are asked for, and ask on for the others; whether there are any.
+
+    Bytes one row after the other, likewise below: so it is done many at a time.
+    """
+    n_x, n_y, n_yaw = asked.shape
+    border, some, outside = (known.shape[0] - n_x) // 2, np.uint8(0), np.uint8(OUTSIDE)
+    reasons, wanted, out = known.reshape(-1), asked.view(np.uint8).reshape(-1), told.reshape(-1)
+    count = np.uint64(n_y * n_yaw)
+    for x in range(n_x):
+        at, to = np.uint64(((border + x) * known.shape[1] + border) * n_yaw), np.uint64(x) * count
+        for n in range(count):
+            reason, asks = reasons[at + n], wanted[to + n]
+            out[to + n] = reason if asks != 0 else outside
+            wanted[to + n] = asks if reason == outside else np.uint8(0)
+            some |= wanted[to + n]
+    return some != 0
 
 
 @njit(cache=True, nogil=True)
 def _fill(told: ByteArray, known: ByteArray, left: BoolArray, found: ByteArray) -> None:
     """Say what was found of the poses that were not known."""
-    border = (known.shape[0] - left.shape[0]) // 2
-    for x in range(left.shape[0]):
-        for y in range(left.shape[1]):
-            row, asked, out, more = known[border + x, border + y], left[x, y], told[x, y], found[x, y]
-            for k in range(row.shape[0]):
-                row[k], out[k] = (more[k], more[k]) if asked[k] else (row[k], out[k])
+    n_x, n_y, n_yaw = left.shape
+    border = (known.shape[0] - n_x) // 2
+    reasons, asked, out, more = known.reshape(-1), left.view(np.uint8).reshape(-1), told.reshape(-1), found.reshape(-1)
+    count = np.uint64(n_y * n_yaw)
+    for x in range(n_x):
+        at, to = np.uint64(((border + x) * known.shape[1] + border) * n_yaw), np.uint64(x) * count
+        for n in range(count):
+            new = asked[to + n] != 0
+            reasons[at + n] = more[to + n] if new else reasons[at + n]
+            out[to + n] = more[to + n] if new else out[to + n]
 
 
 def _kept_map(kept: Arrays, grid: PoseGrid) -> ByteArray:

@@ -214,9 +214,9 @@ def _further(found: ReasonMap, more: ReasonMap) -> ReasonMap:
 @njit(cache=True, nogil=True)
 def _blame(reason: ByteArray, more: ByteArray, first: int, instead: int) -> None:
     """Say why poses were rejected further on: by reason `first` and later ones, which come to stand as `instead`."""
-    for n in range(reason.shape[0]):
-        if more[n] >= first:
-            reason[n] = more[n] - first + instead
+    least, up = np.uint8(first), np.uint8(instead - first)
+    for n in range(np.uint64(reason.shape[0])):
+        reason[n] = more[n] + up if more[n] >= least else reason[n]
 
 
 def _centres(stages: Stages, side: int) -> Arrays:

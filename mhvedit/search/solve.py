@@ -215,14 +215,20 @@ def _mark_unseen(
 def _begin(
     along_x: BoolArray, along_y: BoolArray, asked: BoolArray, all_of_them: bool, alive: BoolArray, reason: ByteArray
 ) -> bool:
-    """Let the poses in the window live that are asked for; whether there are any."""
-    some = False
-    for x in range(alive.shape[0]):
-        for y in range(alive.shape[1]):
-            lives = along_x[x] and along_y[y] and (all_of_them or asked[x, y])
-            alive[x, y], reason[x, y] = lives, ACCEPTED if lives else OUTSIDE
-            some |= lives
-    return some
+    """Let the poses in the window live that are asked for; whether there are any.
+
+    Bytes of 0 and 1, one row after the other: so it is done many at a time.
+    """
+    wanted, lives, why = asked.view(np.uint8).reshape(-1), alive.view(np.uint8).reshape(-1), reason.reshape(-1)
+    inside, every, some = along_y.view(np.uint8), np.uint8(all_of_them), np.uint8(0)
+    n_y = np.uint64(alive.shape[1])
+    for x in range(np.uint64(alive.shape[0])):
+        in_row = np.uint8(along_x[x])
+        for y in range(n_y):
+            own = (wanted[x * n_y + y] | every) & inside[y] & in_row
+            lives[x * n_y + y], why[x * n_y + y] = own, OUTSIDE - own
+            some |= own
+    return some != 0
 
 
 @njit(cache=True)
