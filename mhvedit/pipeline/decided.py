@@ -50,7 +50,7 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
 def inside(grid: PoseGrid) -> BoolArray:
     """(X, Y, Yaw) which poses of a grid have B's root in the window."""
     x, y = grid.reach()
-    return np.asarray(x.T[:, None] & y.T[None, :])
+    return np.asarray(np.logical_and(x.T[:, None], y.T[None, :], order="C"))
 
 
 def _keep(store: Store, key: Key, found: ReasonMap) -> None:
@@ -88,7 +88,7 @@ def _look_up(known: ByteArray, asked: BoolArray, told: ByteArray) -> bool:
             out[to + n] = reason if asks != 0 else outside
             wanted[to + n] = asks if reason == outside else np.uint8(0)
             some |= wanted[to + n]
-    return some != 0
+    return bool(some)
 
 
 @njit(cache=True, nogil=True)

@@ -228,7 +228,7 @@ def _begin(
             own = (wanted[x * n_y + y] | every) & inside[y] & in_row
             lives[x * n_y + y], why[x * n_y + y] = own, OUTSIDE - own
             some |= own
-    return some != 0
+    return bool(some)
 
 
 @njit(cache=True)
