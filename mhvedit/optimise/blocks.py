@@ -4,7 +4,7 @@ The solutions of a stage are sorted once along a curve that fills the lattice, o
 run. A block knows the disc in which the vectors from A's root to B's root of all its solutions lie.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -17,6 +17,8 @@ from mhvedit.optimise.chains import StageCosts, vectors
 COARSEST = 5  # level of the largest blocks: 32 steps of x and y
 YAW_LEVEL = 2  # levels up to this one hold a single step of yaw
 MAPPED = 3  # level of the blocks of maps
+PIECE = 1 << 15  # solutions whose keys are asked for at a time
+KeysAt = Callable[[IntArray], IntArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,30 +70,37 @@ def curve_of(stage: StageCosts) -> Curve:
     )
 
 
-def block_map(keys: IntArray, rows: IntArray) -> BlockMap:
+def block_map(keys_at: KeysAt, rows: IntArray) -> BlockMap:
     """The blocks in which there are solutions.
 
     Args:
-        keys: (S, 3) on the pose lattice.
+        keys_at: (N, 3) on the pose lattice, of (N,) rows.
         rows: (N,) those of them that count, at least one.
     """
-    low, high = _extent(keys, rows)
+    extents = [_extent(keys_at(some)) for some in _pieces(rows)]
+    low, high = np.min([low for low, _ in extents], axis=0), np.max([high for _, high in extents], axis=0)
     shape = ((high - np.append(low[:2], 0)) >> np.array([MAPPED, MAPPED, MAPPED - YAW_LEVEL])) + 1
     there = np.zeros(tuple(shape.tolist()), np.bool_)
-    _mark(keys, rows, low[:2], there)
+    for some in _pieces(rows):
+        _mark(keys_at(some), low[:2], there)
     return BlockMap(low[:2], there)
 
 
-def marked(keys: IntArray, rows: IntArray, blocks: BlockMap, flags: BoolArray) -> BoolArray:
+def marked(keys_at: KeysAt, rows: IntArray, blocks: BlockMap, flags: BoolArray) -> BoolArray:
     """(N,) which solutions are in flagged blocks.
 
     Args:
-        keys: (S, 3) on the pose lattice.
+        keys_at: as for `block_map`.
         rows: (N,) those of them that are asked for.
         blocks: made of them.
         flags: (X, Y, Yaw) as in `BlockMap`.
     """
-    return np.asarray(_looked_up(keys, rows, blocks.origin, flags))
+    return np.concatenate([_looked_up(keys_at(some), blocks.origin, flags) for some in _pieces(rows)])
+
+
+def _pieces(rows: IntArray) -> list[IntArray]:
+    """So few rows at a time that their keys stay near the processor."""
+    return np.split(rows, np.arange(PIECE, len(rows), PIECE))
 
 
 def curve_of_map(blocks: BlockMap, stage: StageCosts, *, step: float, n_yaw: int) -> Curve:
@@ -173,31 +182,30 @@ def _bits(level: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _extent(keys: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
-    """(3,) least and (3,) greatest keys of some rows."""
-    low, high = keys[rows[0]].copy(), keys[rows[0]].copy()
-    for row in rows:
+def _extent(keys: IntArray) -> tuple[IntArray, IntArray]:
+    """The smallest and the largest of (N, 3)."""
+    low, high = keys[0].copy(), keys[0].copy()
+    for n in range(keys.shape[0]):
         for axis in range(3):
-            low[axis], high[axis] = min(low[axis], keys[row, axis]), max(high[axis], keys[row, axis])
+            low[axis], high[axis] = min(low[axis], keys[n, axis]), max(high[axis], keys[n, axis])
     return low, high
 
 
 @njit(cache=True, nogil=True)
-def _mark(keys: IntArray, rows: IntArray, origin: IntArray, out: BoolArray) -> None:
-    """Flag the blocks that some rows are in."""
-    for row in rows:
-        x, y = (keys[row, 0] - origin[0]) >> MAPPED, (keys[row, 1] - origin[1]) >> MAPPED
-        out[x, y, keys[row, 2] >> (MAPPED - YAW_LEVEL)] = True
+def _mark(keys: IntArray, origin: IntArray, out: BoolArray) -> None:
+    """Flag the blocks that some solutions are in."""
+    for n in range(keys.shape[0]):
+        x, y = (keys[n, 0] - origin[0]) >> MAPPED, (keys[n, 1] - origin[1]) >> MAPPED
+        out[x, y, keys[n, 2] >> (MAPPED - YAW_LEVEL)] = True
 
 
 @njit(cache=True, nogil=True)
-def _looked_up(keys: IntArray, rows: IntArray, origin: IntArray, flags: BoolArray) -> BoolArray:
-    """The flag of the block that each row is in."""
-    out = np.empty(rows.shape[0], np.bool_)
-    for n in range(rows.shape[0]):
-        row = rows[n]
-        x, y = (keys[row, 0] - origin[0]) >> MAPPED, (keys[row, 1] - origin[1]) >> MAPPED
-        out[n] = flags[x, y, keys[row, 2] >> (MAPPED - YAW_LEVEL)]
+def _looked_up(keys: IntArray, origin: IntArray, flags: BoolArray) -> BoolArray:
+    """The flag of the block that each solution is in."""
+    out = np.empty(keys.shape[0], np.bool_)
+    for n in range(keys.shape[0]):
+        x, y = (keys[n, 0] - origin[0]) >> MAPPED, (keys[n, 1] - origin[1]) >> MAPPED
+        out[n] = flags[x, y, keys[n, 2] >> (MAPPED - YAW_LEVEL)]
     return out
 
 

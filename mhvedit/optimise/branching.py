@@ -27,7 +27,7 @@ from mhvedit.optimise.blocks import (
     smaller_blocks,
 )
 from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
-from mhvedit.optimise.chains import Chain, StageCosts, first_chain, polished, tension_of
+from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, first_chain, polished, tension_of
 
 EXACT = 1e-9  # relative gap at which refinement stops
 NOTHING = 1e-15  # m^2; a chain that may be better by less is as good
@@ -126,15 +126,16 @@ class _Known:
         return bound >= min(self.best.cost * (1 - EXACT), self.best.cost - NOTHING)
 
 
-def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int) -> Chain:
+def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int, start: Start | None = None) -> Chain:
     """The best chain and a proven lower bound (Shi et al., eqs 16 to 18, with the gauge free).
 
     Args:
         costs: of all stages, none empty.
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
+        start: a good chain, if there is one.
     """
-    known = _Known(first_chain(costs), set())
+    known = _Known(first_chain(costs) if start is None else chain_from(costs, start), set())
     with ThreadPoolExecutor(THREADS) as pool:
         problem = _problem(costs, list(pool.map(curve_of, costs)), pool)
         blocks = coarsest_blocks(problem.curves, pool)

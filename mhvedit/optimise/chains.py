@@ -31,6 +31,14 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """A good chain, whatever the rows of its solutions are."""
+
+    keys: IntArray  # (G, 3) on the pose lattice
+    gauge: float  # rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class StageCosts:
     """One stage with both origins moved to the middle of all roots, so that a turn moves the roots little."""
 
@@ -240,6 +248,22 @@ def first_chain(stages: Sequence[StageCosts]) -> Chain:
     """A good chain to start from: gauges all around, and at each a sample of the solutions that fit it best."""
     sampled = min((_sampled_chain(stages, near) for near in NEAR), key=lambda chain: chain.cost)
     return polished(stages, sampled.chosen, sampled.gauge)
+
+
+def start_of(stages: Sequence[StageCosts], chain: Chain) -> Start:
+    """A chain for stages that hold other solutions too, or fewer."""
+    return Start(np.array([stage.keys[row] for stage, row in zip(stages, chain.chosen, strict=True)]), chain.gauge)
+
+
+def chain_from(stages: Sequence[StageCosts], start: Start) -> Chain:
+    """A chain that is there, improved.
+
+    Args:
+        stages: in order; its solutions are among theirs.
+        start: see there.
+    """
+    rows = [np.flatnonzero((s.keys == key).all(1))[0] for s, key in zip(stages, start.keys, strict=True)]
+    return polished(stages, np.array(rows), start.gauge)
 
 
 def _sampled_chain(stages: Sequence[StageCosts], near: float) -> Chain:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose, compose, invert, rotation
+from mhvedit.optimise.chains import Start
 from mhvedit.optimise.graph import Graph, Pair, Step, graph_of, groups
 from mhvedit.optimise.keys import best_placements
 from mhvedit.optimise.network import Network, best_standing
@@ -62,7 +63,7 @@ class _Terms:
     facing_weight: float
     step: float
     n_yaw: int
-    thinned: bool
+    start: Start | None
 
 
 def place_company(
@@ -72,7 +73,7 @@ def place_company(
     facing_weight: float,
     step: float,
     n_yaw: int,
-    thinned: bool = False,
+    start: Start | None = None,
 ) -> CompanyPlacements:
     """Choose a solution per stage and where its pair stands.
 
@@ -82,9 +83,9 @@ def place_company(
         facing_weight: lambda, m^2.
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
-        thinned: whether the stages of each pair hold no more than `near_best` leaves of them.
+        start: what `near_best` starts from, where the stages are those of one pair and hold no more than it leaves.
     """
-    graph, terms = graph_of(between), _Terms(facing_weight, step, n_yaw, thinned)
+    graph, terms = graph_of(between), _Terms(facing_weight, step, n_yaw, start)
     blocks = [_solved(own, graph, stages, between, terms) for own in graph.blocks]
     links = [(graph.block_of(bridge.before), graph.block_of(bridge.after)) for bridge in graph.bridges]
     together = groups(len(blocks), links)
@@ -139,7 +140,7 @@ def _chain(pair: Pair, meetings: Sequence[int], stages: Sequence[Stage], terms: 
         facing_weight=terms.facing_weight,
         step=terms.step,
         n_yaw=terms.n_yaw,
-        thinned=terms.thinned,
+        start=terms.start,
     )
     at = {(name, g): poses[n] for name, poses in zip(pair, (found.a, found.b), strict=True)
           for n, g in enumerate(meetings)}  # fmt: skip

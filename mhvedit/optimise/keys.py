@@ -13,7 +13,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.optimise.branching import best_chain
-from mhvedit.optimise.chains import Chain, stage_costs
+from mhvedit.optimise.chains import Chain, Start, stage_costs
 from mhvedit.optimise.stages import Stage, common_codes, pose_codes, some_of
 from mhvedit.optimise.thinning import near_best
 from mhvedit.optimise.ties import deepest_chain
@@ -38,7 +38,7 @@ class KeyPlacements:
 
 
 def best_placements(
-    stages: Sequence[Stage], *, facing_weight: float, step: float, n_yaw: int, thinned: bool = False
+    stages: Sequence[Stage], *, facing_weight: float, step: float, n_yaw: int, start: Start | None = None
 ) -> KeyPlacements:
     """Choose a solution per stage and where the pair stands (Shi et al., eqs 16 to 18).
 
@@ -47,7 +47,7 @@ def best_placements(
         facing_weight: lambda, m^2.
         step: of x and y between poses, m.
         n_yaw: yaw steps in a full turn.
-        thinned: whether the stages hold no more than `near_best` leaves of them.
+        start: what `near_best` starts from, where the stages hold no more than it leaves of them.
     """
     codes = [pose_codes(stage.keys) for stage in stages]
     common = common_codes(codes)
@@ -58,13 +58,13 @@ def best_placements(
         chosen = np.array([row[best] for row in rows])
         gauge = float(stages[0].poses[chosen[0], 2])
         return _placed(stages, Chain(chosen, np.zeros(len(stages)), gauge, 0.0, 0.0), equals=len(common))
-    if thinned:
-        near = [np.arange(len(stage)) for stage in stages]
-    else:
-        near = near_best(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
+    near = [np.arange(len(stage)) for stage in stages]
+    if start is None:
+        found = near_best(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
+        near, start = found.rows, found.start
     thin = [some_of(stage, rows) for stage, rows in zip(stages, near, strict=True)]
     costs = stage_costs(thin, facing_weight=facing_weight)
-    chain = best_chain(costs, step=step, n_yaw=n_yaw)
+    chain = best_chain(costs, step=step, n_yaw=n_yaw, start=start)
     chain = deepest_chain(costs, [stage.merit for stage in thin], chain, n_yaw=n_yaw)
     chosen = np.array([rows[row] for rows, row in zip(near, chain.chosen, strict=True)])
     return _placed(stages, replace(chain, chosen=chosen), equals=1)

@@ -6,6 +6,7 @@ are left out as long as some chain still costs as little.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -22,7 +23,8 @@ from mhvedit.optimise.chains import (
     with_best_turns,
     yaws_of,
 )
-from mhvedit.optimise.steps import cheapest_step, exactly
+from mhvedit.optimise.stages import THREADS
+from mhvedit.optimise.steps import cheapest_step_within, exactly
 
 TIE = 1e-3  # share of the cost that counts as nothing
 ROUNDING = 1e-9  # m of merit, and share of the cost, that floating point may lose
@@ -55,12 +57,18 @@ def deepest_chain(costs: Sequence[StageCosts], merits: Sequence[FloatArray], cha
         A chain with the bound of the best one.
     """
     allowed = chain.cost * (1 + TIE)
-    most = min(float(merit[row]) for merit, row in zip(merits, chain.chosen, strict=True))
+    own = most = min(float(merit[row]) for merit, row in zip(merits, chain.chosen, strict=True))
     deepest: _Choices | None = None
-    for step in range(n_yaw):
+
+    def choices_at(step: int) -> _Choices | None:
+        choices = _choices(costs, merits, chain, chain.gauge + step * 2 * np.pi / n_yaw, allowed, own)
+        return choices if choices is not None and _possible(choices, allowed) else None
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        at_gauges = list(pool.map(choices_at, range(n_yaw)))
+    for choices in at_gauges:
         least = most + ROUNDING if deepest else most
-        choices = _choices(costs, merits, chain, chain.gauge + step * 2 * np.pi / n_yaw, allowed, least)
-        deeper = None if choices is None else _deepest(choices, allowed, least)
+        deeper = None if choices is None else _deepest(_above(choices, least), allowed, least)
         if deeper is not None:
             most, deepest = deeper
     if deepest is None:
@@ -140,7 +148,8 @@ def _behind(choices: _Choices, allowed: float) -> list[FloatArray]:
     behind = [np.zeros(len(choices.rows[-1]))]
     for g in range(len(choices.rows) - 1, 0, -1):
         source, target = exactly(choices.first[g]), exactly(choices.last[g - 1])
-        behind.insert(0, cheapest_step(behind[0] + choices.unary[g], source, target, allowed)[0])
+        left = allowed - choices.unary[g - 1]
+        behind.insert(0, cheapest_step_within(behind[0] + choices.unary[g], source, target, left)[0])
     return behind
 
 

@@ -1,7 +1,6 @@
 """From solution groups to one scene: the best chain, the time line, and the way between the key segments."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import compose, invert, rotation, wrap_angle
+from mhvedit.optimise.chains import Start
 from mhvedit.optimise.company import CompanyPlacements, place_company
 from mhvedit.optimise.stages import KeySegment, Stage, stages_of
 from mhvedit.optimise.thinning import Places, near_best
@@ -19,8 +19,6 @@ from mhvedit.pipeline.terms import segment_key
 from mhvedit.project.schema import OptimiseSettings, SceneFile
 from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
 from mhvedit.sequences.align import TimeLine, time_line
-
-THREADS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +98,11 @@ def assemble(
     """
     line = lay_out(scene, people, fps)
     left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else list(rows)
-    pairs, thinned = by_pair(solved), False
+    pairs, start = by_pair(solved), None
     for own in pairs:
         shared = shared_rows([solved[i] for i in own], [left[i] for i in own])
         if shared is None and len(pairs) == 1:
-            shared = _near_rows(scene, solved, left, _joined(line, own))
-            thinned = shared is not None
+            shared, start = _near_rows(scene, solved, left, _joined(line, own))
         for i, some in zip(own, shared or [], strict=False):
             left[i] = some
     runs, stages = _stages(solved, left, line)
@@ -116,7 +113,7 @@ def assemble(
         facing_weight=scene.optimise.facing_weight,
         step=search.step,
         n_yaw=search.n_yaw,
-        thinned=thinned,
+        start=start,
     )
     subjects = {name: _subject_edit(name, scene, people, solved, line, runs, placements) for name in cast(scene)}
     segments, chosen = _segment_edits(solved, line, runs, stages, placements, people)
@@ -200,25 +197,28 @@ def _joined(line: TimeLine, own: Sequence[int]) -> list[tuple[int, ...]]:
 
 def _near_rows(
     scene: SceneFile, solved: Sequence[SolvedSegment], rows: Sequence[IntArray], runs: Sequence[tuple[int, ...]]
-) -> list[IntArray] | None:
-    """The solutions of each segment of a pair that the best chain can be made of; None where there is no chain."""
+) -> tuple[list[IntArray] | None, Start | None]:
+    """The solutions of each segment of a pair that the best chain can be made of, None where there is no chain.
+
+    And a good chain, where not all of them are left.
+    """
     joined: list[list[IntArray]] = []
     for run in runs:
         shared = shared_rows([solved[i] for i in run], [rows[i] for i in run]) if len(run) > 1 else [rows[run[0]]]
         if shared is None or not len(shared[0]):
-            return None
+            return None, None
         joined.append(shared)
-    with ThreadPoolExecutor(THREADS) as pool:
-        places = list(pool.map(lambda run, shared: _places([solved[i] for i in run], shared[0]), runs, joined))
+    places = [_places([solved[i] for i in run], shared[0]) for run, shared in zip(runs, joined, strict=True)]
     search = scene.search
     near = near_best(places, facing_weight=scene.optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
-    return [own[some] for shared, some in zip(joined, near, strict=True) for own in shared]
+    return [own[some] for shared, some in zip(joined, near.rows, strict=True) for own in shared], near.start
 
 
 def _places(run: Sequence[SolvedSegment], rows: IntArray) -> Places:
     """Where some solutions are that adjoining segments share."""
     roots = [(segment.grid.root_a, segment.grid.root_b) for segment in run]
-    return Places(run[0].keys(rows), np.array([a for a, _ in roots]), np.array([b for _, b in roots]))
+    a, b = np.array([a for a, _ in roots]), np.array([b for _, b in roots])
+    return Places(len(rows), lambda some: run[0].keys(rows[some]), a, b)
 
 
 def _subject_edit(

@@ -1,3 +1,5 @@
+from unittest import mock
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,7 +34,7 @@ def wide_problem(seed: int) -> tuple[Stage, ...]:
 @pytest.mark.parametrize("seed", range(6))
 def test_the_best_chain_of_what_is_left_is_that_of_all(seed: int) -> None:
     stages = wide_problem(seed)
-    rows = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
+    rows = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0).rows
     thin = [some_of(stage, own) for stage, own in zip(stages, rows, strict=True)]
     assert sum(map(len, thin)) < 0.8 * sum(map(len, stages))
     found = []
@@ -57,19 +59,20 @@ def test_rows_are_those_of_the_whole_stages(monkeypatch: pytest.MonkeyPatch) -> 
 def test_what_is_thinned_already_is_not_thinned_again(monkeypatch: pytest.MonkeyPatch) -> None:
     stages = wide_problem(2)
     whole = best_placements(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
-    rows = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
-    thin = [some_of(stage, own) for stage, own in zip(stages, rows, strict=True)]
+    near = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
+    thin = [some_of(stage, own) for stage, own in zip(stages, near.rows, strict=True)]
     monkeypatch.delattr("mhvedit.optimise.keys.near_best")
-    found = best_placements(thin, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, thinned=True)
-    assert [own[row] for own, row in zip(rows, found.chosen, strict=True)] == whole.chosen.tolist()
+    found = best_placements(thin, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, start=near.start)
+    assert [own[row] for own, row in zip(near.rows, found.chosen, strict=True)] == whole.chosen.tolist()
     assert found.cost == pytest.approx(whole.cost)
 
 
 def test_few_solutions_are_left_as_they_are() -> None:
     stages = problem(0, count=3, size=12)
-    places = [Places(stage.keys, stage.roots_a, stage.roots_b) for stage in stages]
-    rows = near_best(places, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
-    assert [own.tolist() for own in rows] == [list(range(len(stage))) for stage in stages]
+    places = [Places(len(stage), stage.keys_at, stage.roots_a, stage.roots_b) for stage in stages]
+    near = near_best(places, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
+    assert near.start is None
+    assert [own.tolist() for own in near.rows] == [list(range(len(stage))) for stage in stages]
 
 
 def some_lattice_keys(seed: int) -> IntArray:
@@ -82,12 +85,15 @@ def some_lattice_keys(seed: int) -> IntArray:
 def test_blocks_are_there_where_solutions_are(seed: int) -> None:
     keys, rng = some_lattice_keys(seed), np.random.default_rng(seed)
     rows = np.sort(rng.permutation(len(keys))[: 1 + len(keys) // 2])
-    found = block_map(keys, rows)
+    with mock.patch("mhvedit.optimise.blocks.PIECE", 7):
+        found = block_map(keys.__getitem__, rows)
     places = {tuple(own) for own in ((keys[rows] - [*keys[rows, :2].min(0), 0]) >> sides()).tolist()}
     assert {tuple(own) for own in np.argwhere(found.there).tolist()} == places
     flags = found.there & (rng.random(found.there.shape) < 0.5)
     there = (keys[rows] - [*found.origin, 0]) >> sides()
-    assert marked(keys, rows, found, flags).tolist() == flags[tuple(there.T)].tolist()
+    with mock.patch("mhvedit.optimise.blocks.PIECE", 11):
+        there_too = marked(keys.__getitem__, rows, found, flags).tolist()
+    assert there_too == flags[tuple(there.T)].tolist()
 
 
 @settings(max_examples=20)
@@ -97,7 +103,7 @@ def test_a_block_holds_the_vectors_and_yaws_of_its_solutions(seed: int) -> None:
     poses = np.column_stack([keys[:, :2] * STEP, keys[:, 2] * 2 * np.pi / N_YAW])
     stage = Stage(("", ""), keys, poses, np.zeros(len(keys)), rng.normal(0, 1, (2, 2)), rng.normal(0, 1, (2, 2)))
     (costs,) = stage_costs([stage], facing_weight=1.0)
-    blocks = block_map(keys, np.arange(len(keys)))
+    blocks = block_map(keys.__getitem__, np.arange(len(keys)))
     curve = curve_of_map(blocks, costs, step=STEP, n_yaw=N_YAW)
     assert (np.diff(curve.codes) > 0).all() and sorted(curve.rows) == np.flatnonzero(blocks.there).tolist()
     place = np.empty(blocks.there.size, np.int64)
