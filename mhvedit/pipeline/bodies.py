@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -22,13 +23,17 @@ VERSION: Final = 2  # of what is kept; raise it when shells change
 THREADS: Final = 2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: of two who may meet, only one needs cells
 class Body:
     """Somebody's shells through the scene, or those of a thing that does not move."""
 
     shells: Shells
-    cells: Cells
     rows: IntArray  # (N,) which of the shells each frame of the scene shows; -1 where that is not known
+
+    @cached_property
+    def cells(self) -> Cells:
+        """The shells as boxes of cells."""
+        return cells_of(self.shells)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,8 +88,7 @@ def surroundings_of(scene: SceneFile, props: Mapping[str, Prop], n_frames: int) 
     for name, prop in props.items():
         if prop.spec.kind == "fixed":
             placed = Mesh(apply_pose(prop.place, prop.mesh.vertices), prop.mesh.faces)
-            shells = stacked([shell_of(placed)])
-            obstacles[name] = Body(shells, cells_of(shells), still)
+            obstacles[name] = Body(stacked([shell_of(placed)]), still)
     return Surroundings(np.array(scene.stage.floor, np.float64).reshape(-1, 2), obstacles)
 
 
@@ -127,8 +131,8 @@ def inside(points: FloatArray, floor: FloatArray) -> BoolArray:
 
 def _body(scene: SceneFile, person: Person, source: IntArray, wanted: BoolArray, store: Store) -> Body:
     numbers = np.unique(source[wanted])
-    shells = _shells(scene, person, numbers, store)
-    return Body(shells, cells_of(shells), np.where(wanted, np.searchsorted(numbers, source), -1))
+    rows = np.where(wanted, np.searchsorted(numbers, source), -1)
+    return Body(_shells(scene, person, numbers, store), rows)
 
 
 def _shells(scene: SceneFile, person: Person, numbers: IntArray, store: Store) -> Shells:
