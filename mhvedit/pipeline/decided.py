@@ -10,16 +10,17 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import BoolArray, ByteArray
+from mhvedit.geometry.arrays import BoolArray, ByteArray, Int32Array
 from mhvedit.geometry.runs import run_lengths
 from mhvedit.pipeline.store import Arrays, Key, Store
 from mhvedit.search.poses import PoseGrid, pose_grid
-from mhvedit.search.solve import OUTSIDE, ReasonMap
+from mhvedit.search.solve import ACCEPTED, BASE_REASONS, OUTSIDE, ReasonMap
 
 Search = Callable[[BoolArray | None], ReasonMap]  # (X, Y, Yaw) which poses to decide, None for all
+OPEN = 255  # what is not known of a pose
 
 
-def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: BoolArray | None = None) -> ReasonMap:
+def decided(store: Store, key: Key, grid: PoseGrid, search: Search) -> ReasonMap:
     """What becomes of all poses of a grid: from what is kept, and from a search of the rest.
 
     Args:
@@ -27,37 +28,71 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search, *, among: Bo
         key: everything that the reason of a pose depends on.
         grid: the poses that are asked for.
         search: decides poses of that grid; those that it was not asked for come back as outside.
-        among: (X, Y, Yaw) poses that are to be decided; None for all. The others come back as outside.
     """
     kept = store.kept(key)
     if kept is None:
-        found = search(among)
+        found = search(None)
         _keep(store, key, found)
         return found
-    reasons = tuple(kept["reasons"].tolist())
-    if among is None and kept["window"] == grid.window:
-        return ReasonMap(grid, _kept_map(kept, grid), reasons)
-    whole = _with_window(grid, max(grid.window, float(kept["window"])))
-    known = _laid(kept, whole)
-    left = inside(grid) if among is None else among.copy()
-    told = np.empty(left.shape, np.uint8)
-    if _look_up(known, left, told):
-        _fill(told, known, left, search(left).reason)
-        _keep(store, key, ReasonMap(whole, known, reasons))
-    return ReasonMap(grid, told, reasons)
-
-
-def inside(grid: PoseGrid) -> BoolArray:
-    """(X, Y, Yaw) which poses of a grid have B's root in the window."""
+    if kept["window"] == grid.window:
+        return ReasonMap(grid, _kept_map(kept, grid), tuple(kept["reasons"].tolist()))
     x, y = grid.reach()
-    return np.asarray(np.logical_and(x.T[:, None], y.T[None, :], order="C"))
+    inside = np.logical_and(x.T[:, None], y.T[None, :], order="C")
+    every = ReasonMap(grid, np.where(inside, np.uint8(ACCEPTED), np.uint8(OUTSIDE)), BASE_REASONS)
+    return decided_further(store, key, every, search)
+
+
+def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) -> ReasonMap:
+    """What becomes of the poses that a map accepts, if more is asked of them; `decided` otherwise.
+
+    Args:
+        store: see there.
+        key: see there.
+        found: is overwritten.
+        search: see there.
+
+    Returns:
+        The map with the further reasons behind its own.
+    """
+    kept, grid = store.kept(key), found.grid
+    if kept is None:
+        more = search(found.accepted)
+        _keep(store, key, more)
+        return _with_reasons(found, more)
+    whole, reasons = _with_window(grid, max(grid.window, float(kept["window"]))), tuple(kept["reasons"].tolist())
+    known = _laid(kept, whole) if kept["window"] < grid.window else None
+    values, lengths = (kept["values"], kept["lengths"]) if known is None else _runs(known)
+    instead_of = np.arange(len(reasons), dtype=np.uint8) + np.uint8(len(found.reasons) - len(BASE_REASONS))
+    instead_of[[ACCEPTED, OUTSIDE]] = ACCEPTED, OPEN
+    told = ReasonMap(grid, found.reason, found.reasons + reasons[len(BASE_REASONS) :])
+    if _tell(found.reason, values, lengths, whole.size, instead_of):
+        left = found.reason == OPEN
+        more = search(left)
+        found.reason[left] = ACCEPTED
+        _with_reasons(found, more)
+        known = _laid(kept, whole) if known is None else known
+        _fill(known, left, more.reason)
+        _keep(store, key, ReasonMap(whole, known, reasons))
+    return told
+
+
+def _with_reasons(found: ReasonMap, more: ReasonMap) -> ReasonMap:
+    """A map whose accepted poses were tested for more; it takes the place of the first one."""
+    _blame(found.reason.reshape(-1), more.reason.reshape(-1), len(BASE_REASONS), len(found.reasons))
+    return ReasonMap(found.grid, found.reason, found.reasons + more.reasons[len(BASE_REASONS) :])
 
 
 def _keep(store: Store, key: Key, found: ReasonMap) -> None:
     """Keep a map in place of a smaller one."""
-    values, lengths = run_lengths(found.reason.ravel())
+    values, lengths = _runs(found.reason)
     window, reasons = np.array(found.grid.window), np.array(found.reasons)
-    store.keep(key, {"values": values, "lengths": lengths.astype(np.int32), "reasons": reasons, "window": window})
+    store.keep(key, {"values": values, "lengths": lengths, "reasons": reasons, "window": window})
+
+
+def _runs(reason: ByteArray) -> tuple[ByteArray, Int32Array]:
+    """Values and lengths of the runs of a map."""
+    values, lengths = run_lengths(reason.reshape(-1))
+    return values, lengths.astype(np.int32)
 
 
 def _laid(kept: Arrays, grid: PoseGrid) -> ByteArray:
@@ -71,39 +106,48 @@ def _laid(kept: Arrays, grid: PoseGrid) -> ByteArray:
     return known
 
 
-@njit(cache=True, nogil=True)
-def _look_up(known: ByteArray, asked: BoolArray, told: ByteArray) -> bool:
-    """Tell what is known of the poses that are asked for, and ask on for the others; whether there are any.
-
-    Bytes one row after the other, likewise below: so it is done many at a time.
-    """
-    n_x, n_y, n_yaw = asked.shape
-    border, some, outside = (known.shape[0] - n_x) // 2, np.uint8(0), np.uint8(OUTSIDE)
-    reasons, wanted, out = known.reshape(-1), asked.view(np.uint8).reshape(-1), told.reshape(-1)
-    count = np.uint64(n_y * n_yaw)
-    for x in range(n_x):
-        at, to = np.uint64(((border + x) * known.shape[1] + border) * n_yaw), np.uint64(x) * count
-        for n in range(count):
-            reason, asks = reasons[at + n], wanted[to + n]
-            out[to + n] = reason if asks != 0 else outside
-            wanted[to + n] = asks if reason == outside else np.uint8(0)
-            some |= wanted[to + n]
-    return bool(some)
+# Bytes one row after the other: so the kernels look at many poses at a time.
 
 
 @njit(cache=True, nogil=True)
-def _fill(told: ByteArray, known: ByteArray, left: BoolArray, found: ByteArray) -> None:
+def _tell(reason: ByteArray, values: ByteArray, lengths: Int32Array, size: int, instead_of: ByteArray) -> bool:
+    """Say what is known of accepted poses, in runs of a map of `size` that is not smaller; whether any is open."""
+    n_x, n_y, n_yaw = reason.shape
+    border, plane, out = (size - n_x) // 2, size * n_yaw, reason.reshape(-1)
+    first, last = border * n_yaw, (border + n_y) * n_yaw
+    stop, some = 0, False
+    for run in range(values.shape[0]):
+        start, stop, told = stop, stop + lengths[run], instead_of[values[run]]
+        if told == ACCEPTED:
+            continue
+        for x in range(max(start // plane, border), min((stop - 1) // plane + 1, border + n_x)):
+            row = (x - border) * n_y * n_yaw - first - x * plane
+            low, high = max(start, x * plane + first) + row, min(stop, x * plane + last) + row
+            for n in range(np.uint64(low), np.uint64(max(low, high))):
+                some |= told == OPEN and out[n] == ACCEPTED
+                out[n] = told if out[n] == ACCEPTED else out[n]
+    return some
+
+
+@njit(cache=True, nogil=True)
+def _fill(known: ByteArray, left: BoolArray, found: ByteArray) -> None:
     """Say what was found of the poses that were not known."""
     n_x, n_y, n_yaw = left.shape
     border = (known.shape[0] - n_x) // 2
-    reasons, asked, out, more = known.reshape(-1), left.view(np.uint8).reshape(-1), told.reshape(-1), found.reshape(-1)
+    reasons, asked, more = known.reshape(-1), left.view(np.uint8).reshape(-1), found.reshape(-1)
     count = np.uint64(n_y * n_yaw)
     for x in range(n_x):
         at, to = np.uint64(((border + x) * known.shape[1] + border) * n_yaw), np.uint64(x) * count
         for n in range(count):
-            new = asked[to + n] != 0
-            reasons[at + n] = more[to + n] if new else reasons[at + n]
-            out[to + n] = more[to + n] if new else out[to + n]
+            reasons[at + n] = more[to + n] if asked[to + n] != 0 else reasons[at + n]
+
+
+@njit(cache=True, nogil=True)
+def _blame(reason: ByteArray, more: ByteArray, first: int, instead: int) -> None:
+    """Say why poses were rejected further on: by reason `first` and later ones, which come to stand as `instead`."""
+    least, up = np.uint8(first), np.uint8(instead - first)
+    for n in range(np.uint64(reason.shape[0])):
+        reason[n] = more[n] + up if more[n] >= least else reason[n]
 
 
 def _kept_map(kept: Arrays, grid: PoseGrid) -> ByteArray:

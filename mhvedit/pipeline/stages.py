@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
-from numba import njit
 
 from mhvedit.errors import CaptureError, SceneError
-from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.geometry.runs import byte_counts
 from mhvedit.optimise.quality import contact_penalty
-from mhvedit.pipeline.decided import decided
+from mhvedit.pipeline.decided import decided, decided_further
 from mhvedit.pipeline.ground import ground_clauses, ground_key
 from mhvedit.pipeline.keys import (
     bodies_key,
@@ -40,7 +39,7 @@ from mhvedit.search.groups import located_solutions
 from mhvedit.search.poses import PoseGrid
 from mhvedit.search.scratch import Scratch
 from mhvedit.search.sight import MutualSight
-from mhvedit.search.solve import BASE_REASONS, ReasonMap, SightTest, search_poses
+from mhvedit.search.solve import ReasonMap, SightTest, search_poses
 from mhvedit.sequences.segments import SegmentPair
 from mhvedit.volumes.history import MotionHistoryVolume, frame_centres, word_count
 from mhvedit.volumes.subject import SubjectVolumes, part_of, subject_volumes
@@ -154,10 +153,8 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
         return search((), sight=SightTest(stages.cones, a, b), among=among)
 
     found = decided(stages.store, stages.of_contact, grid, contact)
-    found = _further(found, decided(stages.store, stages.of_bodies, grid, bodies, among=found.accepted))
-    if stages.of_sight is None:
-        return found
-    return _further(found, decided(stages.store, stages.of_sight, grid, sight, among=found.accepted))
+    found = decided_further(stages.store, stages.of_bodies, found, bodies)
+    return found if stages.of_sight is None else decided_further(stages.store, stages.of_sight, found, sight)
 
 
 def group_of(
@@ -203,20 +200,6 @@ def _penalties(stages: Stages, grid: PoseGrid, cells: IntArray) -> FloatArray:
         return np.zeros(len(cells))
     i, j, k = np.unravel_index(cells, (grid.size, grid.size, grid.n_yaw))
     return contact_penalty(contact, grid.poses(np.stack([i, j, k], 1)))
-
-
-def _further(found: ReasonMap, more: ReasonMap) -> ReasonMap:
-    """A map whose accepted poses were tested for more; it takes the place of the first one."""
-    _blame(found.reason.ravel(), more.reason.ravel(), len(BASE_REASONS), len(found.reasons))
-    return ReasonMap(found.grid, found.reason, found.reasons + more.reasons[len(BASE_REASONS) :])
-
-
-@njit(cache=True, nogil=True)
-def _blame(reason: ByteArray, more: ByteArray, first: int, instead: int) -> None:
-    """Say why poses were rejected further on: by reason `first` and later ones, which come to stand as `instead`."""
-    least, up = np.uint8(first), np.uint8(instead - first)
-    for n in range(np.uint64(reason.shape[0])):
-        reason[n] = more[n] + up if more[n] >= least else reason[n]
 
 
 def _centres(stages: Stages, side: int) -> Arrays:
