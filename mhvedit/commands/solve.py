@@ -2,13 +2,13 @@
 
 import gc
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mhvedit.commands.shared import DONE, NO, Json, Out, Workers, progress_bar, say
+from mhvedit.commands.starting import start_lean
 
 if TYPE_CHECKING:
     from mhvedit.pipeline.run import Outcome
@@ -50,7 +50,7 @@ def _run(
     cache: float | None = None,
 ) -> None:
     """Solve, saying what comes of it as soon as it is known, and leave with the right exit code."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for small matrices others would only spin beside the search
+    start_lean()
     from mhvedit.pipeline.run import run_scene
 
     gc.freeze()  # what has been imported stays: it need not be gone through again and again
