@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mhvedit.geometry.arrays import ComplexArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from mhvedit.optimise.chains import (
     Chain,
     StageCosts,
@@ -62,7 +62,7 @@ def deepest_chain(costs: Sequence[StageCosts], merits: Sequence[FloatArray], cha
 
     def choices_at(step: int) -> _Choices | None:
         choices = _choices(costs, merits, chain, chain.gauge + step * 2 * np.pi / n_yaw, allowed, own)
-        return choices if choices is not None and _possible(choices, allowed) else None
+        return None if choices is None else _within(choices, allowed)
 
     with ThreadPoolExecutor(THREADS) as pool:
         at_gauges = list(pool.map(choices_at, range(n_yaw)))
@@ -122,7 +122,26 @@ def _deepest(choices: _Choices, allowed: float, least: float) -> tuple[float, _C
 
 
 def _above(choices: _Choices, least: float) -> _Choices:
-    kept = [np.flatnonzero(merit >= least) for merit in choices.merit]
+    return _some(choices, [merit >= least for merit in choices.merit])
+
+
+def _within(choices: _Choices, allowed: float) -> _Choices | None:
+    """Those through which an allowed chain goes; None where there is none."""
+    behind, so_far, limit = _behind(choices, allowed), choices.unary[0], allowed * (1 + ROUNDING)
+    kept = [so_far + behind[0] <= limit]
+    for g in range(1, len(choices.rows)):
+        if not kept[-1].any():
+            return None
+        source, target = exactly(choices.last[g - 1]), exactly(choices.first[g])
+        left = limit - choices.unary[g] - behind[g]
+        so_far = choices.unary[g] + cheapest_step_within(so_far, source, target, left)[0]
+        kept.append(so_far + behind[g] <= limit)
+    return _some(choices, kept) if kept[-1].any() else None
+
+
+def _some(choices: _Choices, wanted: Sequence[BoolArray]) -> _Choices:
+    """Some of each stage's solutions."""
+    kept = [np.flatnonzero(own) for own in wanted]
 
     def take(arrays: Sequence[NDArray[Number]]) -> tuple[NDArray[Number], ...]:
         return tuple(array[keep] for array, keep in zip(arrays, kept, strict=True))
