@@ -31,7 +31,6 @@ from mhvedit.optimise.chains import change_of_offset, facing_cost, stage_costs
 from mhvedit.optimise.keys import KeyPlacements, best_placements
 from mhvedit.optimise.stages import KeySegment, Stage, common_codes, pose_codes, stages_of
 from mhvedit.pipeline.job import load, solve
-from mhvedit.search.groups import SolutionGroup
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 STEP, N_YAW, HALF = 0.01, 180, 200  # m, steps of a turn, cells on either side
@@ -87,10 +86,8 @@ def real() -> list[tuple[IntArray, FloatArray]]:
 def segment_of(name: str, keys: IntArray, roots: FloatArray) -> KeySegment:
     """A key segment of which only what the chain looks at is filled in; depth stands for merit."""
     poses = np.column_stack([keys[:, :2] * STEP, keys[:, 2] * (2 * np.pi / N_YAW)])
-    nothing = np.zeros(len(keys))
-    group = SolutionGroup(keys, poses, nothing, nothing, nothing, np.zeros(len(keys), np.int32), nothing)
     merit = 0.1 * np.sin(0.05 * keys[:, 0]) * np.sin(0.07 * keys[:, 1])
-    return KeySegment(name, group, merit, roots[0], roots[1])
+    return KeySegment(name, keys, poses, merit, roots[0], roots[1])
 
 
 def measure(folder: Path) -> dict[str, float]:

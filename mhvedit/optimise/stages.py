@@ -12,7 +12,6 @@ import numpy as np
 
 from mhvedit.errors import MhveditError
 from mhvedit.geometry.arrays import FloatArray, IntArray
-from mhvedit.search.groups import SolutionGroup
 
 YAW_BITS = 12
 REACH = 1 << 24
@@ -35,7 +34,8 @@ class KeySegment:
     """What the chain needs to know of one key segment; everything in the subjects' canonical frames."""
 
     name: str
-    group: SolutionGroup
+    keys: IntArray  # (S, 3) of its solutions on the pose lattice
+    poses: FloatArray  # (S, 3) x, y m and yaw rad of B in A
     merit: FloatArray  # (S,) m: clearance less what speaks against each solution; decides between equal costs
     root_a: FloatArray  # (2,) m, C of A
     root_b: FloatArray  # (2,) m, C of B
@@ -112,7 +112,7 @@ def common_codes(codes: Sequence[IntArray]) -> IntArray:
 
 
 def _stage(run: Sequence[KeySegment]) -> Stage:
-    codes = [pose_codes(segment.group.keys) for segment in run]
+    codes = [pose_codes(segment.keys) for segment in run]
     orders = [np.argsort(own, kind="stable") for own in codes]
     ascending = [own[order] for own, order in zip(codes, orders, strict=True)]
     common = common_codes(ascending)
@@ -122,8 +122,8 @@ def _stage(run: Sequence[KeySegment]) -> Stage:
     merit = np.min([segment.merit[row] for segment, row in zip(run, rows, strict=True)], axis=0)
     return Stage(
         names=tuple(segment.name for segment in run),
-        keys=run[0].group.keys[rows[0]],
-        poses=run[0].group.poses[rows[0]],
+        keys=run[0].keys[rows[0]],
+        poses=run[0].poses[rows[0]],
         merit=merit,
         roots_a=np.array([segment.root_a for segment in run]),
         roots_b=np.array([segment.root_b for segment in run]),

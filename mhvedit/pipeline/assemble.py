@@ -165,8 +165,8 @@ def shared_rows(solved: Sequence[SolvedSegment], rows: Sequence[IntArray]) -> li
 
 
 def _key_segment(segment: SolvedSegment, rows: IntArray) -> KeySegment:
-    group = segment.group if len(rows) == segment.n_solutions else segment.rows(rows)
-    return KeySegment(segment.spec.name, group, segment.merit(rows), segment.grid.root_a, segment.grid.root_b)
+    keys, grid = segment.keys(rows), segment.grid
+    return KeySegment(segment.name, keys, grid.lattice_poses(keys), segment.merit(rows), grid.root_a, grid.root_b)
 
 
 def _stages(

@@ -50,8 +50,20 @@ class PoseGrid:
         Returns:
             (S, 3) x, y m and yaw rad of B in A, canonical frames.
         """
-        xy = (self.base[cells[:, 2]] + cells[:, :2]) * self.step
-        return np.concatenate([xy, self.yaws[cells[:, 2], None]], 1)
+        return self.lattice_poses(np.column_stack([self.base[cells[:, 2]] + cells[:, :2], cells[:, 2]]))
+
+    def lattice_poses(self, keys: IntArray) -> FloatArray:
+        """Poses of places on the lattice of poses.
+
+        Args:
+            keys: (S, 3) steps of x, y and yaw.
+
+        Returns:
+            (S, 3) as `poses`.
+        """
+        found = np.empty(keys.shape)
+        found[:, :2], found[:, 2] = keys[:, :2] * self.step, self.yaws[keys[:, 2]]
+        return found
 
     def roots(self) -> FloatArray:
         """(n_yaw, 2, size) where B's root stands relative to A's along x, and along y, m."""

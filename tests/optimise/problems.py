@@ -6,16 +6,13 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.optimise.stages import KeySegment, Stage, stages_of
-from mhvedit.search.groups import SolutionGroup
 
 STEP = 0.1  # m
 N_YAW = 24
 
 
-def group_of(keys: IntArray, *, step: float = STEP, n_yaw: int = N_YAW) -> SolutionGroup:
-    poses = np.column_stack([keys[:, :2] * step, keys[:, 2] * 2 * np.pi / n_yaw])
-    nothing = np.zeros(len(keys))
-    return SolutionGroup(keys, poses, nothing, nothing, nothing, np.zeros(len(keys), np.int32), nothing)
+def poses_of(keys: IntArray, *, step: float = STEP, n_yaw: int = N_YAW) -> FloatArray:
+    return np.column_stack([keys[:, :2] * step, keys[:, 2] * 2 * np.pi / n_yaw])
 
 
 def segment_of(
@@ -28,7 +25,9 @@ def segment_of(
 ) -> KeySegment:
     lattice = np.array(keys, np.int64).reshape(-1, 3)
     merits = np.zeros(len(lattice)) if merit is None else np.array(merit, np.float64)
-    return KeySegment(name, group_of(lattice), merits, np.array(root_a, np.float64), np.array(root_b, np.float64))
+    return KeySegment(
+        name, lattice, poses_of(lattice), merits, np.array(root_a, np.float64), np.array(root_b, np.float64)
+    )
 
 
 def some_keys(

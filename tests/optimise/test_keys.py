@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,8 +13,8 @@ from mhvedit.optimise.stages import KeySegment, stages_of
 from tests.optimise.problems import (
     N_YAW,
     STEP,
-    group_of,
     plain_cost,
+    poses_of,
     problem,
     segment_of,
     some_keys,
@@ -28,10 +30,8 @@ def solved(segments: list[KeySegment], *, weight: float = 1.0, adjoins: list[boo
 
 
 def shuffled(segment: KeySegment, rng: np.random.Generator) -> KeySegment:
-    order = rng.permutation(len(segment.group))
-    return KeySegment(
-        segment.name, group_of(segment.group.keys[order]), segment.merit[order], segment.root_a, segment.root_b
-    )
+    order = rng.permutation(len(segment.keys))
+    return replace(segment, keys=segment.keys[order], poses=segment.poses[order], merit=segment.merit[order])
 
 
 def chosen_keys(segments: list[KeySegment], placed: KeyPlacements) -> list[list[int]]:
@@ -48,7 +48,7 @@ def test_a_pose_that_all_segments_accept_costs_nothing(seed: int, count: int) ->
     rng = np.random.default_rng(seed)
     common = some_keys(rng, 5)
     segments = [
-        segment_of(s.name, np.unique(np.concatenate([s.group.keys, common]), axis=0), root_a=(i, 1), root_b=(2, i))
+        segment_of(s.name, np.unique(np.concatenate([s.keys, common]), axis=0), root_a=(i, 1), root_b=(2, i))
         for i, s in enumerate(some_segments(rng, count, 12))
     ]
     placed = solved(segments)
@@ -150,20 +150,20 @@ def square_segments(seed: int) -> list[KeySegment]:
         if not set.intersection(*({tuple(key) for key in own.tolist()} for own in keys)):
             break
     return [
-        KeySegment(str(i), group_of(own), np.zeros(len(own)), root[0], root[1])
+        KeySegment(str(i), own, poses_of(own), np.zeros(len(own)), root[0], root[1])
         for i, (own, root) in enumerate(zip(keys, roots, strict=True))
     ]
 
 
 def moved(segment: KeySegment, *, frame_a: FloatArray, frame_b: FloatArray) -> KeySegment:
     """The same segment, told in other frames of both: old_from_new is `frame_a` and `frame_b`."""
-    poses = compose(invert(frame_a), compose(segment.group.poses, frame_b))
+    poses = compose(invert(frame_a), compose(segment.poses, frame_b))
     keys = np.rint(np.column_stack([poses[:, :2] / STEP, poses[:, 2] * N_YAW / (2 * np.pi)])).astype(np.int64)
     keys[:, 2] %= N_YAW
     roots = (frame_a, segment.root_a), (frame_b, segment.root_b)
     back = [compose(invert(frame), np.array([*root, 0.0]))[:2] for frame, root in roots]
     assert np.allclose(keys[:, :2] * STEP, poses[:, :2])
-    return KeySegment(segment.name, group_of(keys), segment.merit, *back)
+    return KeySegment(segment.name, keys, poses_of(keys), segment.merit, *back)
 
 
 def same_place(placed: FloatArray, expected: FloatArray) -> None:
@@ -199,12 +199,12 @@ def test_turning_b_by_any_step_changes_nothing(steps: int) -> None:
 def test_the_roles_may_be_swapped(seed: int) -> None:
     segments = square_segments(seed)
     before = solved(segments, weight=0.5)
-    inverse = [invert(segment.group.poses) for segment in segments]
+    inverse = [invert(segment.poses) for segment in segments]
     keys = [
         np.rint(np.column_stack([p[:, :2] / STEP, p[:, 2] * N_YAW / (2 * np.pi)])).astype(np.int64) for p in inverse
     ]
     other = [
-        KeySegment(s.name, group_of(wrapped(k)), s.merit, s.root_b, s.root_a)
+        KeySegment(s.name, wrapped(k), poses_of(wrapped(k)), s.merit, s.root_b, s.root_a)
         for s, k in zip(segments, keys, strict=True)
     ]
     after = solved(other, weight=0.5)
