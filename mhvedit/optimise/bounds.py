@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import ComplexArray, FloatArray, Int32Array, IntArray
-from mhvedit.optimise.steps import Places, cheapest_step_within
+from mhvedit.optimise.steps import Places, cheapest_step
 
 STIFFNESS = 1e-12  # m^2, no less counts
 
@@ -254,7 +254,7 @@ def _forward(
     for g in range(1, at.shape[0] - 1):
         source, target = _part(leave, at[g - 1], at[g]), _part(arrive, at[g], at[g + 1])
         left = limit - unary[at[g] : at[g + 1]]
-        least, nearest = cheapest_step_within(value[at[g - 1] : at[g]], source, target, left)
+        least, nearest = cheapest_step(value[at[g - 1] : at[g]], source, target, left)
         value[at[g] : at[g + 1]] += least
         came_from[at[g] : at[g + 1]] = at[g - 1] + nearest
     return value, came_from
@@ -270,7 +270,7 @@ def _behind(
         source, target = _part(arrive, at[g], at[g + 1]), _part(leave, at[g - 1], at[g])
         value = behind[at[g] : at[g + 1]] + unary[at[g] : at[g + 1]]
         left = limit - forward[at[g - 1] : at[g]]
-        behind[at[g - 1] : at[g]], _ = cheapest_step_within(value, source, target, left)
+        behind[at[g - 1] : at[g]], _ = cheapest_step(value, source, target, left)
     return behind
 
 

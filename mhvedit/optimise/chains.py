@@ -8,7 +8,7 @@ import numpy as np
 from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.stages import Stage
-from mhvedit.optimise.steps import cheapest_step_within, exactly
+from mhvedit.optimise.steps import cheapest_step, exactly
 
 SAMPLE = 200  # solutions a stage when looking for a first chain
 GAUGES = 45  # tried for it
@@ -234,7 +234,7 @@ def cheapest_chain(
     value = np.asarray(unary[0], np.float64)
     back: list[IntArray] = []
     for g in range(1, len(unary)):
-        least, nearest = cheapest_step_within(value, exactly(last[g - 1]), exactly(first[g]), budget - unary[g])
+        least, nearest = cheapest_step(value, exactly(last[g - 1]), exactly(first[g]), budget - unary[g])
         back.append(nearest)
         value = unary[g] + least
     state = int(np.argmin(value))

@@ -39,27 +39,18 @@ def exactly(points: ComplexArray) -> Places:
 
 
 @njit(cache=True, nogil=True)
-def cheapest_step(value: FloatArray, source: Places, target: Places, budget: float) -> tuple[FloatArray, IntArray]:
+def cheapest_step(value: FloatArray, source: Places, target: Places, budget: FloatArray) -> tuple[FloatArray, IntArray]:
     """The least over i of value_i and what the step from source i to target j costs at least, for every j.
 
     Args:
         value: (N,) m^2, what each source costs so far.
         source: N places.
         target: M places.
-        budget: m^2; what is above comes out as infinite.
+        budget: (M,) m^2; what is above comes out as infinite. Targets with a negative one are left out.
 
     Returns:
         (M,) m^2; and (M,) the source, -1 where there is none within the budget.
     """
-    least, nearest = cheapest_step_within(value, source, target, np.full(target.radius.shape[0], budget))
-    return least, nearest
-
-
-@njit(cache=True, nogil=True)
-def cheapest_step_within(
-    value: FloatArray, source: Places, target: Places, budget: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """As `cheapest_step`, with a budget (M,) for every target; those with a negative one are left out."""
     count = target.radius.shape[0]
     least, nearest = np.full(count, np.inf), np.full(count, -1, np.int64)
     order = _along_curve(value, source, budget.max() if count else -1.0)

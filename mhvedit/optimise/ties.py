@@ -24,7 +24,7 @@ from mhvedit.optimise.chains import (
     yaws_of,
 )
 from mhvedit.optimise.stages import THREADS
-from mhvedit.optimise.steps import cheapest_step_within, exactly
+from mhvedit.optimise.steps import cheapest_step, exactly
 
 TIE = 1e-3  # share of the cost that counts as nothing
 ROUNDING = 1e-9  # m of merit, and share of the cost, that floating point may lose
@@ -134,7 +134,7 @@ def _within(choices: _Choices, allowed: float) -> _Choices | None:
             return None
         source, target = exactly(choices.last[g - 1]), exactly(choices.first[g])
         left = limit - choices.unary[g] - behind[g]
-        so_far = choices.unary[g] + cheapest_step_within(so_far, source, target, left)[0]
+        so_far = choices.unary[g] + cheapest_step(so_far, source, target, left)[0]
         kept.append(so_far + behind[g] <= limit)
     return _some(choices, kept) if kept[-1].any() else None
 
@@ -168,7 +168,7 @@ def _behind(choices: _Choices, allowed: float) -> list[FloatArray]:
     for g in range(len(choices.rows) - 1, 0, -1):
         source, target = exactly(choices.first[g]), exactly(choices.last[g - 1])
         left = allowed - choices.unary[g - 1]
-        behind.insert(0, cheapest_step_within(behind[0] + choices.unary[g], source, target, left)[0])
+        behind.insert(0, cheapest_step(behind[0] + choices.unary[g], source, target, left)[0])
     return behind
 
 
