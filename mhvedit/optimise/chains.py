@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -245,9 +246,37 @@ def cheapest_chain(
 
 
 def first_chain(stages: Sequence[StageCosts]) -> Chain:
-    """A good chain to start from: gauges all around, and at each a sample of the solutions that fit it best."""
-    sampled = min((_sampled_chain(stages, near) for near in NEAR), key=lambda chain: chain.cost)
+    """A good chain to start from."""
+    sampled = sampled_chain(stages)
     return polished(stages, sampled.chosen, sampled.gauge)
+
+
+def sampled_chain(stages: Sequence[StageCosts]) -> Chain:
+    """A chain from gauges all around, and at each a sample of the solutions that fit it best."""
+    yaws, found = yaws_of(stages[0]), []
+    for gauge, near in product(yaws[:: -(-len(yaws) // GAUGES)].tolist(), NEAR):
+        chosen, cost = _facing_best(stages, [_sample(stage, gauge, near) for stage in stages], gauge)
+        found.append((cost, gauge, chosen.tolist()))
+    _, gauge, chosen = min(found)
+    return with_best_turns(stages, np.array(chosen), gauge)
+
+
+def chain_near(stages: Sequence[StageCosts], gauge: float) -> Chain:
+    """The cheapest chain at a gauge if everybody turns so as to face best; then improved.
+
+    Args:
+        stages: in order, of few solutions.
+        gauge: rad.
+    """
+    chosen, _ = _facing_best(stages, [np.arange(len(stage.yaws)) for stage in stages], gauge)
+    return polished(stages, chosen, gauge)
+
+
+def _facing_best(stages: Sequence[StageCosts], rows: Sequence[IntArray], gauge: float) -> tuple[IntArray, float]:
+    """(G,) which of some solutions cost least with the turns at which they face best, and what."""
+    turns = [cheapest_turn(stage, stage.yaws[own] - gauge) for stage, own in zip(stages, rows, strict=True)]
+    states, cost = _best_of(stages, rows, turns, gauge, np.inf)
+    return np.array([own[i] for own, i in zip(rows, states, strict=True)]), cost
 
 
 def start_of(stages: Sequence[StageCosts], chain: Chain) -> Start:
@@ -264,18 +293,6 @@ def chain_from(stages: Sequence[StageCosts], start: Start) -> Chain:
     """
     rows = [np.flatnonzero((s.keys == key).all(1))[0] for s, key in zip(stages, start.keys, strict=True)]
     return polished(stages, np.array(rows), start.gauge)
-
-
-def _sampled_chain(stages: Sequence[StageCosts], near: float) -> Chain:
-    yaws = yaws_of(stages[0])
-    found = []
-    for gauge in yaws[:: -(-len(yaws) // GAUGES)].tolist():
-        rows = [_sample(stage, gauge, near) for stage in stages]
-        turns = [cheapest_turn(s, s.yaws[r] - gauge) for s, r in zip(stages, rows, strict=True)]
-        states, cost = _best_of(stages, rows, turns, gauge, np.inf)
-        found.append((cost, gauge, [int(r[i]) for r, i in zip(rows, states, strict=True)]))
-    _, gauge, chosen = min(found)
-    return with_best_turns(stages, np.array(chosen), gauge)
 
 
 def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float, *, budget: float = np.inf) -> Chain:

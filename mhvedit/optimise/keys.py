@@ -15,7 +15,7 @@ from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.optimise.branching import best_chain
 from mhvedit.optimise.chains import Chain, Start, stage_costs
 from mhvedit.optimise.stages import Stage, common_codes, pose_codes, some_of
-from mhvedit.optimise.thinning import near_best
+from mhvedit.optimise.thinning import near_best, places_of
 from mhvedit.optimise.ties import deepest_chain
 
 
@@ -60,7 +60,7 @@ def best_placements(
         return _placed(stages, Chain(chosen, np.zeros(len(stages)), gauge, 0.0, 0.0), equals=len(common))
     near = [np.arange(len(stage)) for stage in stages]
     if start is None:
-        found = near_best(stages, facing_weight=facing_weight, step=step, n_yaw=n_yaw)
+        found = near_best([places_of(stage) for stage in stages], facing_weight=facing_weight, step=step, n_yaw=n_yaw)
         near, start = found.rows, found.start
     thin = [some_of(stage, rows) for stage, rows in zip(stages, near, strict=True)]
     costs = stage_costs(thin, facing_weight=facing_weight)

@@ -55,10 +55,6 @@ class Stage:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def keys_at(self, rows: IntArray) -> IntArray:
-        """(N, 3) on the pose lattice, of (N,) rows."""
-        return self.keys[rows]
-
 
 def stages_of(segments: Sequence[KeySegment], adjoins: Sequence[bool]) -> tuple[Stage, ...]:
     """Join the key segments that adjoin.

@@ -218,7 +218,15 @@ def _places(run: Sequence[SolvedSegment], rows: IntArray) -> Places:
     """Where some solutions are that adjoining segments share."""
     roots = [(segment.grid.root_a, segment.grid.root_b) for segment in run]
     a, b = np.array([a for a, _ in roots]), np.array([b for _, b in roots])
-    return Places(len(rows), lambda some: run[0].keys(rows[some]), a, b)
+    order = np.argsort(rows) if len(run) > 1 else None  # those of one segment are in order
+
+    def rows_at(keys: IntArray) -> IntArray:
+        found = run[0].rows_at(keys)
+        at = np.minimum(np.searchsorted(rows, found, sorter=order), len(rows) - 1)
+        at = at if order is None else order[at]
+        return np.where(rows[at] == found, at, -1)
+
+    return Places(len(rows), lambda some: run[0].keys(rows[some]), rows_at, a, b)
 
 
 def _subject_edit(

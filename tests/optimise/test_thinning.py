@@ -11,7 +11,7 @@ from mhvedit.optimise.branching import best_chain
 from mhvedit.optimise.chains import stage_costs, vectors
 from mhvedit.optimise.keys import best_placements
 from mhvedit.optimise.stages import Stage, some_of
-from mhvedit.optimise.thinning import Places, near_best
+from mhvedit.optimise.thinning import near_best, places_of
 from mhvedit.optimise.ties import deepest_chain
 from tests.optimise.problems import N_YAW, problem, some_keys
 
@@ -34,8 +34,8 @@ def wide_problem(seed: int) -> tuple[Stage, ...]:
 @pytest.mark.parametrize("seed", range(6))
 def test_the_best_chain_of_what_is_left_is_that_of_all(seed: int) -> None:
     stages = wide_problem(seed)
-    rows = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0).rows
-    thin = [some_of(stage, own) for stage, own in zip(stages, rows, strict=True)]
+    near = near_best([places_of(stage) for stage in stages], facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
+    thin = [some_of(stage, own) for stage, own in zip(stages, near.rows, strict=True)]
     assert sum(map(len, thin)) < 0.8 * sum(map(len, stages))
     found = []
     for some in (stages, thin):
@@ -59,7 +59,7 @@ def test_rows_are_those_of_the_whole_stages(monkeypatch: pytest.MonkeyPatch) -> 
 def test_what_is_thinned_already_is_not_thinned_again(monkeypatch: pytest.MonkeyPatch) -> None:
     stages = wide_problem(2)
     whole = best_placements(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
-    near = near_best(stages, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
+    near = near_best([places_of(stage) for stage in stages], facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
     thin = [some_of(stage, own) for stage, own in zip(stages, near.rows, strict=True)]
     monkeypatch.delattr("mhvedit.optimise.keys.near_best")
     found = best_placements(thin, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, start=near.start)
@@ -69,8 +69,7 @@ def test_what_is_thinned_already_is_not_thinned_again(monkeypatch: pytest.Monkey
 
 def test_few_solutions_are_left_as_they_are() -> None:
     stages = problem(0, count=3, size=12)
-    places = [Places(len(stage), stage.keys_at, stage.roots_a, stage.roots_b) for stage in stages]
-    near = near_best(places, facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
+    near = near_best([places_of(stage) for stage in stages], facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW)
     assert near.start is None
     assert [own.tolist() for own in near.rows] == [list(range(len(stage))) for stage in stages]
 
