@@ -37,6 +37,8 @@ def test_the_best_chain_of_what_is_left_is_that_of_all(seed: int) -> None:
     near = near_best([places_of(stage) for stage in stages], facing_weight=WEIGHT, step=STEP, n_yaw=N_YAW, enough=0)
     thin = [some_of(stage, own) for stage, own in zip(stages, near.rows, strict=True)]
     assert sum(map(len, thin)) < 0.8 * sum(map(len, stages))
+    assert near.start is not None
+    assert all((own.keys == key).all(1).any() for own, key in zip(thin, near.start.keys, strict=True))
     found = []
     for some in (stages, thin):
         costs = stage_costs(some, facing_weight=WEIGHT)
