@@ -25,6 +25,9 @@ PADDING: Final = 0xD935  # kind of an extra field that says nothing
 ALIGNED: Final = 64  # bytes
 HEADER: Final = 1024  # bytes that the header of an array takes at most
 PIECE: Final = 1 << 16  # rows of a column that are made at a time
+# NumPy reads the header of an array with `ast`, which fails now and then in CPython 3.11 where two threads do so at the
+# same time (python/cpython#106905): so one does at a time.
+ONE_HEADER: Final = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +94,7 @@ def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
         OSError, ValueError, zipfile.BadZipFile: the file is missing or damaged.
     """
     arrays: dict[str, NDArray[Any]] = {}
-    with path.open("rb") as file, zipfile.ZipFile(file) as container:
+    with ONE_HEADER, path.open("rb") as file, zipfile.ZipFile(file) as container:
         for name in names:
             member = container.getinfo(f"{name}.npy")
             if member.compress_type != zipfile.ZIP_STORED or member.file_size < WORTHWHILE:
@@ -123,7 +126,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.uint8]) -> NDArray[Any]:
     """One array of a file that is in memory."""
     if member.compress_type != zipfile.ZIP_STORED or member.file_size < WORTHWHILE:
-        with container.open(member) as content:
+        with ONE_HEADER, container.open(member) as content:
             return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
     name = member.header_offset + LOCAL_HEADER
     start = name + sum(FIELD.unpack(data[name - FIELD.size : name].tobytes()))
@@ -132,7 +135,8 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
         raise zipfile.BadZipFile(f"bad CRC-32 for {member.filename}")
     header = io.BytesIO(stored[:HEADER].tobytes())
     np.lib.format.read_magic(header)
-    shape, by_columns, kind = np.lib.format.read_array_header_1_0(header)
+    with ONE_HEADER:
+        shape, by_columns, kind = np.lib.format.read_array_header_1_0(header)
     array = stored[header.tell() :].view(kind).reshape(shape, order="F" if by_columns else "C")
     return np.asarray(array if array.flags.aligned else array.copy())
 

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from mhvedit.files import map_arrays, write_arrays
+from mhvedit.files import map_arrays, read_arrays, write_arrays
 from mhvedit.sequences.contents import Contents, contents
 from mhvedit.sequences.meshes import MeshSequence
 
@@ -131,11 +130,7 @@ def capture_signature(sequence: MeshSequence, known: Contents, *, units: str, up
 def _read(path: Path, names: tuple[str, ...]) -> Arrays | None:
     """An entry, or some arrays of it; it counts as used from now on."""
     try:
-        if names:
-            read = map_arrays(path, names)
-        else:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-                read = {name: data[name] for name in data.files}
+        read = map_arrays(path, names) if names else read_arrays(path)
         os.utime(path)
         return read
     except FileNotFoundError:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.errors import CaptureError
+from mhvedit.files import ONE_HEADER
 from mhvedit.geometry.arrays import IntArray
 from mhvedit.sequences.contents import Contents, hash_of_bytes
 from mhvedit.sequences.formats import PARSERS, parse_mesh
@@ -148,7 +149,7 @@ class NpzSource:
         with self._lock:
             if not self._arrays:
                 try:
-                    with self._path.open("rb") as data, np.load(data, allow_pickle=False) as stored:
+                    with ONE_HEADER, self._path.open("rb") as data, np.load(data, allow_pickle=False) as stored:
                         wanted = {"vertices", "faces", "scale", "origin", "labels"}
                         self._arrays = {name: stored[name] for name in wanted & set(stored.files)}
                 except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
@@ -160,7 +161,12 @@ def _npz_overview(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, tuple[
     """The small arrays, and shape and type of the large ones from their headers."""
     small, shapes = dict[str, NDArray[Any]](), dict[str, tuple[int, ...]]()
     try:
-        with path.open("rb") as data, np.load(data, allow_pickle=False) as stored, zipfile.ZipFile(path) as container:
+        with (
+            ONE_HEADER,
+            path.open("rb") as data,
+            np.load(data, allow_pickle=False) as stored,
+            zipfile.ZipFile(path) as container,
+        ):
             missing = {"vertices", "faces", "vertex_counts", "face_counts"} - set(stored.files)
             if missing:
                 held = ", ".join(sorted(stored.files)) or "nothing"
