@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.lookup import rows_in
 from mhvedit.optimise.blocks import BlockMap, KeysAt, block_map, marked
 from mhvedit.optimise.branching import blocks_within
 from mhvedit.optimise.chains import StageCosts, Start, chain_from, chain_near, sampled_chain, stage_costs, start_of
@@ -53,13 +54,13 @@ class Places:
 def places_of(stage: Stage) -> Places:
     """Where the solutions of a stage are."""
     codes = pose_codes(stage.keys)
-
-    def rows_at(keys: IntArray) -> IntArray:
-        wanted = pose_codes(keys)
-        rows = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-        return np.where(codes[rows] == wanted, rows, -1)
-
-    return Places(len(stage), lambda rows: stage.keys[rows], rows_at, stage.roots_a, stage.roots_b)
+    return Places(
+        len(stage),
+        keys_at=lambda rows: stage.keys[rows],
+        rows_at=lambda keys: rows_in(codes, pose_codes(keys)),
+        roots_a=stage.roots_a,
+        roots_b=stage.roots_b,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

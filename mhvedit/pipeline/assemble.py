@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.lookup import rows_in
 from mhvedit.geometry.planar import compose, invert, rotation, wrap_angle
 from mhvedit.optimise.chains import Start
 from mhvedit.optimise.company import CompanyPlacements, place_company
@@ -219,12 +220,11 @@ def _places(run: Sequence[SolvedSegment], rows: IntArray) -> Places:
     roots = [(segment.grid.root_a, segment.grid.root_b) for segment in run]
     a, b = np.array([a for a, _ in roots]), np.array([b for _, b in roots])
     order = np.argsort(rows) if len(run) > 1 else None  # those of one segment are in order
+    ascending = rows if order is None else rows[order]
 
     def rows_at(keys: IntArray) -> IntArray:
-        found = run[0].rows_at(keys)
-        at = np.minimum(np.searchsorted(rows, found, sorter=order), len(rows) - 1)
-        at = at if order is None else order[at]
-        return np.where(rows[at] == found, at, -1)
+        at = rows_in(ascending, run[0].rows_at(keys))
+        return at if order is None else np.where(at >= 0, order[at], -1)
 
     return Places(len(rows), lambda some: run[0].keys(rows[some]), rows_at, a, b)
 

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
+from mhvedit.geometry.lookup import rows_in
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.stages import Pair, Progress, Stages, found_by, grid_of, group_of, segment_stages, volumes_of
 from mhvedit.pipeline.store import Arrays, Store, entry_name
@@ -109,10 +110,7 @@ class SolvedSegment:
         place = keys[:, :2] - self.grid.base[keys[:, 2]]
         inside = np.flatnonzero(((place >= 0) & (place < size)).all(1))
         flat = (place[inside, 0] * size + place[inside, 1]) * n_yaw + keys[inside, 2]
-        flat = flat.astype(self.cells.dtype)  # or all cells would be made larger numbers for it
-        rows = np.minimum(np.searchsorted(self.cells, flat), self.n_solutions - 1)
-        same = self.cells[rows] == flat
-        found[inside[same]] = rows[same]
+        found[inside] = rows_in(self.cells, flat.astype(self.cells.dtype))
         return found
 
     def merit(self, rows: IntArray) -> FloatArray:

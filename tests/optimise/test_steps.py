@@ -50,6 +50,8 @@ def test_the_cheapest_step_is_the_least_of_all(seed: int) -> None:
     np.testing.assert_allclose(least, np.where(wanted, every.min(1), np.inf), rtol=1e-9, atol=1e-15)
     assert ((nearest >= 0) == wanted).all()
     np.testing.assert_allclose(every[wanted, nearest[wanted]], least[wanted], rtol=1e-9, atol=1e-15)
+    within, budgets = np.where(every.min(1) <= budget, every.min(1), np.inf), np.full(len(wanted), budget)
+    np.testing.assert_allclose(cheapest_step(value, source, target, budgets)[0], within, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(3))
