@@ -1,7 +1,7 @@
 """Blocks of the pose lattice, each cut into smaller ones down to single poses.
 
 The solutions of a stage are sorted once along a curve that fills the lattice, on which every block of every size is one
-run. A block knows the disc in which the vectors from A's root to B's root of all its solutions lie.
+run. A block knows the box in which the vectors from A's root to B's root of all its solutions lie.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ class Curve:
     first: ComplexArray  # (S,) m, from A's to B's first root, A standing as it was
     last: ComplexArray  # (S,) m, and between the last roots
     yaws: FloatArray  # (S,) rad
-    radius: float = 0.0  # m, of the discs in which first and last are, where rows stand for several solutions
+    half: complex = 0j  # m, half of the sides of boxes around first and last, where rows stand for several solutions
     half_yaw: float = 0.0  # rad, likewise
 
 
@@ -51,7 +51,7 @@ class Blocks:
     run: Int32Array  # (N, 2) start and stop along the stage's curve
     first: ComplexArray  # (N,) m, middle of the vectors between the stage's first roots
     last: ComplexArray  # (N,) m, and between its last
-    radius: FloatArray  # (N,) m, of the discs around both
+    half: ComplexArray  # (N,) m, half of the sides of the boxes around both
     yaw: FloatArray  # (N,) rad, middle of the yaws
     half_yaw: FloatArray  # (N,) rad
 
@@ -123,9 +123,9 @@ def curve_of_map(blocks: BlockMap, stage: StageCosts, *, step: float, n_yaw: int
     at = ((middle[:, 0] + blocks.origin[0]) + 1j * (middle[:, 1] + blocks.origin[1])) * step
     first, last = (at + spin * (stage.middle_b + root_b) - (stage.middle_a + root_a)
                    for root_a, root_b in zip(stage.roots_a, stage.roots_b, strict=True))  # fmt: skip
-    radius = float(np.hypot(*half[:2]) * step + 2 * np.sin(half_yaw / 2) * np.abs(stage.middle_b + stage.roots_b).max())
+    swept = 2 * np.sin(half_yaw / 2) * np.abs(stage.middle_b + stage.roots_b).max()
     rows = np.flatnonzero(blocks.there)[order].astype(np.int32)
-    return Curve(codes[order], rows, first, last, yaws, radius, half_yaw)
+    return Curve(codes[order], rows, first, last, yaws, complex(*(half[:2] * step + swept)), half_yaw)
 
 
 def coarsest_blocks(curves: Sequence[Curve], pool: ThreadPoolExecutor) -> Blocks:
@@ -166,14 +166,14 @@ def smaller_blocks(
 
 
 def _described(curves: Sequence[Curve], pool: ThreadPoolExecutor, level: int, runs: Sequence[Int32Array]) -> Blocks:
-    parts = pool.map(lambda curve, run: _discs(curve.first, curve.last, curve.yaws, run), curves, runs)
-    first, last, radius, yaw, half_yaw = (np.concatenate(column) for column in zip(*parts, strict=True))
+    parts = pool.map(lambda curve, run: _boxes(curve.first, curve.last, curve.yaws, run), curves, runs)
+    first, last, half, yaw, half_yaw = (np.concatenate(column) for column in zip(*parts, strict=True))
     stage = np.repeat(np.arange(len(curves), dtype=np.int32), [len(run) for run in runs])
-    radius += np.array([curve.radius for curve in curves])[stage]
+    half += np.array([curve.half for curve in curves])[stage]
     half_yaw += np.array([curve.half_yaw for curve in curves])[stage]
     if all(curve.last is curve.first for curve in curves):
         last = first
-    return Blocks(level, stage, np.concatenate(runs), first, last, radius, yaw, half_yaw)
+    return Blocks(level, stage, np.concatenate(runs), first, last, half, yaw, half_yaw)
 
 
 def _bits(level: int) -> int:
@@ -243,13 +243,13 @@ def _cut(codes: IntArray, run: Int32Array, bits: int) -> tuple[Int32Array, IntAr
 
 
 @njit(cache=True, nogil=True)
-def _discs(
+def _boxes(
     first: ComplexArray, last: ComplexArray, yaws: FloatArray, run: Int32Array
-) -> tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
-    """Middles of first and last, radius, yaw and half yaw of runs of solutions."""
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray, FloatArray]:
+    """Middles of first and last, half of the sides of the boxes around both, yaw and half yaw of runs of solutions."""
     count = run.shape[0]
     middles = np.empty((2, count), np.complex128)
-    radius, yaw, half = np.zeros(count), np.empty(count), np.empty(count)
+    sides, yaw, half = np.zeros(count, np.complex128), np.empty(count), np.empty(count)
     for n in range(count):
         start, stop = run[n, 0], run[n, 1]
         least, most = yaws[start], yaws[start]
@@ -263,5 +263,5 @@ def _discs(
                 low_x, high_x = min(low_x, own[i].real), max(high_x, own[i].real)
                 low_y, high_y = min(low_y, own[i].imag), max(high_y, own[i].imag)
             middles[which, n] = complex(0.5 * (low_x + high_x), 0.5 * (low_y + high_y))
-            radius[n] = max(radius[n], 0.5 * np.hypot(high_x - low_x, high_y - low_y))
-    return middles[0], middles[1], radius, yaw, half
+            sides[n] = complex(max(sides[n].real, 0.5 * (high_x - low_x)), max(sides[n].imag, 0.5 * (high_y - low_y)))
+    return middles[0], middles[1], sides, yaw, half

@@ -1,8 +1,12 @@
 """What chains through cells can cost at least: the kernels of branching.
 
-The vector between the roots of a stage, d = e^(i turn) r, lies in a disc for each cell. A step between two stages costs
-half the square of |d' - d - e^(i gauge) kept_b + kept_a|. The part of a cell's width that a view does not let move is
-accounted for once, in the loss.
+The vector between the roots of a stage, d = e^(i turn) r, lies in a box for each cell. A step between two stages costs
+half the square of the way w = d' - d - e^(i gauge) kept_b + kept_a. The part of a cell's width that a view does not let
+move is accounted for once, in the loss.
+
+For any force f the step costs f.w - 1/2 f.f + 1/2 |w - f|^2. The first part is linear, so it is told stage by stage: a
+stage's d ends one step and starts the next, and where it is in its box matters as the two forces differ, once, and not
+for each step anew. With the steps of a good chain as forces little of the third part is left, and little is lost.
 """
 
 from typing import NamedTuple
@@ -52,10 +56,10 @@ def loss_of(links: Links, reach: FloatArray, flat_turn: float, flat_gauge: float
 def bound_branches(
     branches: IntArray,
     cells: tuple[FloatArray, IntArray, Int32Array, Int32Array],
-    blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
+    blocks: tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray, FloatArray],
     links: Links,
     widths: tuple[float, float, float, float, float],
-    tension: FloatArray,
+    forces: ComplexArray,
     budget: float,
     out: tuple[FloatArray, FloatArray, IntArray],
 ) -> None:
@@ -64,10 +68,10 @@ def bound_branches(
     Args:
         branches: (K,) which.
         cells: gauges, bounds, block and slot of all.
-        blocks: first, last, radius, yaw and half yaw.
+        blocks: first, last, half, yaw and half yaw.
         links: between stages.
         widths: half turn, half gauge, most turn, and how much of the first two is left free to move, rad.
-        tension: (G,) m^2, 0 at the first and the last stage; see `_places`.
+        forces: (G - 1,) m, one a step; any do.
         budget: m^2; what costs more need not be told apart.
         out: (N,) least cost through each cell, (B,) of each branch, (B, G) blocks of its cheapest chain.
     """
@@ -78,10 +82,10 @@ def bound_branches(
         start, stop = bounds[b, 0], bounds[b, -1]
         at = bounds[b] - start
         leave, arrive, unary, reach = _places(
-            at, block[start:stop], slot[start:stop], gauges[b], blocks, links, widths, tension
+            at, block[start:stop], slot[start:stop], gauges[b], blocks, links, widths, forces
         )
         loss = loss_of(links, reach, half_turn - wide_turn, half_gauge - wide_gauge, budget)
-        loss -= _lowered(at, unary)
+        loss += _held_back(links, forces, gauges[b], wide_gauge) - _lowered(at, unary)
         forward, came_from = _forward(at, leave, arrive, unary, budget + loss)
         behind = _behind(at, leave, arrive, unary, forward, budget + loss)
         through[start:stop] = forward + behind - loss
@@ -100,51 +104,95 @@ def _places(
     block: Int32Array,
     slot: Int32Array,
     gauge: float,
-    blocks: tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray],
+    blocks: tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray, FloatArray],
     links: Links,
     widths: tuple[float, float, float, float, float],
-    tension: FloatArray,
+    forces: ComplexArray,
 ) -> tuple[Places, Places, FloatArray, FloatArray]:
-    """Of every cell where steps leave from and arrive at, and the least facing cost; of every stage the reach.
+    """Of every cell where steps leave from and arrive at, and the least it costs to be there; of every stage the reach.
 
-    Arrivals are told so that a step is the difference of an arrival and a departure. What a turn away from the one that
-    faces best costs is shared by the steps on either side of a stage: that is what their places slide for.
-
-    The turn with which a step arrives is the one with which the next leaves, so tension times their difference is
-    nothing, and may be added: any tension leaves a bound. It pulls what is at rest apart and takes off what that costs,
-    and with the tension of a chain the two turns at which the bound is least come close to each other.
+    Arrivals are told so that a step, less its force, is the difference of an arrival and a departure. What a turn away
+    from the cheapest one costs is shared by the steps on either side of a stage: that is what their places slide for.
     """
-    first, last, radius, yaw, half_yaw = blocks
+    first, last, sides, yaw, half_yaw = blocks
     half_turn, _, most_turn, wide_turn, wide_gauge = widths
     count, n_stages = block.shape[0], at.shape[0] - 1
     leave, arrive = _unknown(count), _unknown(count)
     unary, reach = np.empty(count), np.zeros(n_stages)
     for g in range(n_stages):
-        move, slide = 0.0 + 0.0j, 0.0
+        before, after = forces[g - 1] if g > 0 else 0j, forces[g] if g < n_stages - 1 else 0j
+        move, slide = 0j, 0j
         if g > 0:
-            move = links.kept_a[g - 1] - np.exp(1j * gauge) * links.kept_b[g - 1]
-            slide = abs(links.kept_b[g - 1]) * wide_gauge
+            turned = np.exp(1j * gauge) * links.kept_b[g - 1]
+            move, slide = links.kept_a[g - 1] - turned, _swept(turned, wide_gauge)
+        told = _along(before, move)
         share = 0.5 if 0 < g < n_stages - 1 else 1.0
-        before = -1
+        last_k = -1
         for n in range(at[g], at[g + 1]):
             k = block[n]
-            if before < 0 or slot[n] != slot[n - 1] or yaw[k] != yaw[before] or half_yaw[k] != half_yaw[before]:
+            if last_k < 0 or slot[n] != slot[n - 1] or yaw[k] != yaw[last_k] or half_yaw[k] != half_yaw[last_k]:
                 turn = -most_turn + (2 * slot[n] + 1) * half_turn
                 mismatch = _wrapped(yaw[k] - gauge)
                 least, best, stiffness = _facing(
                     links.weight_a[g], links.weight_b[g], turn, wide_turn, mismatch, half_yaw[k] + wide_gauge
                 )
-                stiffness = max(share * stiffness, STIFFNESS)
-                give = 1 / np.sqrt(stiffness) if wide_turn > 0 else 0.0
-                pull = min(max(tension[g] / stiffness, -wide_turn), wide_turn)
-                least -= stiffness * pull**2
+                give = 1 / np.sqrt(max(share * stiffness, STIFFNESS)) if wide_turn > 0 else 0.0
                 spin = np.exp(1j * turn)
-            before = k
-            unary[n] = least
-            _place(leave, n, spin * last[k], 0.0j, radius[k], wide_turn, best - turn + pull, give)
-            _place(arrive, n, spin * first[k], move, radius[k] + slide, wide_turn, best - turn - pull, give)
-            reach[g] = max(reach[g], abs(first[k]) + radius[k], abs(last[k]) + radius[k])
+            last_k = k
+            arriving, leaving = spin * first[k], spin * last[k]
+            half = _turned_box(sides[k], spin, wide_turn)
+            cost, off = _under_forces(before, after, arriving, leaving, stiffness, best - turn, wide_turn)
+            unary[n] = least + cost + told - _play(before, after, half, half_yaw[k] > 0 and first[k] != last[k])
+            _place(leave, n, leaving, 0j, half, wide_turn, off, give)
+            _place(arrive, n, arriving, move - before, half + slide, wide_turn, off, give)
+            reach[g] = max(reach[g], max(abs(first[k]), abs(last[k])) + abs(sides[k]))
     return leave, arrive, unary, reach
+
+
+@njit(cache=True, nogil=True)
+def _under_forces(
+    before: complex, after: complex, arriving: complex, leaving: complex, stiffness: float, best: float, wide: float
+) -> tuple[float, float]:
+    """What the forces on a stage cost at least, with what the turn to where that is adds; and that turn.
+
+    Turns are told from the middle of the cell's. Facing costs at least 1/2 stiffness (turn - best)^2 more than at its
+    best; the forces cost before.e^(i turn) arriving - after.e^(i turn) leaving, which is straight but for a bend. Around
+    the turn that is found the sum has the same stiffness.
+    """
+    pulled = np.conj(before) * arriving - np.conj(after) * leaving
+    slope = -pulled.imag
+    turn = best
+    if stiffness > 0:
+        turn = min(max(best - slope / stiffness, -wide), wide)
+    elif slope != 0:
+        turn = -wide if slope > 0 else wide
+    bend = 0.5 * abs(pulled) * wide**2
+    return pulled.real + slope * turn + 0.5 * stiffness * (turn - best) ** 2 - bend, turn
+
+
+@njit(cache=True, nogil=True)
+def _play(before: complex, after: complex, half: complex, apart: bool) -> float:
+    """What forces gain at most by where a stage is in its box; `apart`: the ends of its steps do not move as one."""
+    both = before - after
+    play = abs(both.real) * half.real + abs(both.imag) * half.imag
+    return play + 2 * abs(half) * min(abs(before), abs(after)) if apart else play
+
+
+@njit(cache=True, nogil=True)
+def _held_back(links: Links, forces: ComplexArray, gauge: float, wide_gauge: float) -> float:
+    """What the forces cost too much as far as it is not told of the stages: halves of squares, and the gauge's play."""
+    squares, along, bend = 0.0, 0.0, 0.0
+    for g in range(forces.shape[0]):
+        squares += abs(forces[g]) ** 2
+        along += _along(forces[g], 1j * np.exp(1j * gauge) * links.kept_b[g])
+        bend += abs(forces[g]) * abs(links.kept_b[g])
+    return float(0.5 * squares + abs(along) * wide_gauge + 0.5 * bend * wide_gauge**2)
+
+
+@njit(cache=True, nogil=True)
+def _along(force: complex, way: complex) -> float:
+    """The scalar product."""
+    return force.real * way.real + force.imag * way.imag
 
 
 @njit(cache=True, nogil=True)
@@ -164,23 +212,44 @@ def _unknown(count: int) -> Places:
     """Places to be filled in."""
     return Places(
         np.empty(count, np.complex128),
-        np.empty(count),
         np.empty(count, np.complex128),
         np.empty(count, np.complex128),
-        np.empty(count),
+        np.empty(count, np.complex128),
+        np.empty(count, np.complex128),
     )
 
 
 @njit(cache=True, nogil=True)
 def _place(
-    places: Places, n: int, arm: complex, move: complex, blur: float, half_turn: float, best: float, give: float
+    places: Places, n: int, arm: complex, move: complex, blur: complex, half_turn: float, best: float, give: float
 ) -> None:
     """The end of an arm that turns by at most half_turn; it slides straight from where `best` leads, but for a bend."""
     places.middle[n] = arm + move
-    places.radius[n] = blur + abs(arm) * half_turn
+    places.half[n] = blur + _swept(arm, half_turn)
     places.rest[n] = arm * complex(1.0, best) + move
     places.slack[n] = arm * complex(0.0, give)
-    places.blur[n] = blur + 0.5 * abs(arm) * half_turn**2
+    places.blur[n] = blur + _bent(arm, half_turn)
+
+
+@njit(cache=True, nogil=True)
+def _swept(arm: complex, half_turn: float) -> complex:
+    """Half of the sides of a box that the end of an arm stays in if it turns by at most half_turn."""
+    return complex(abs(arm.imag), abs(arm.real)) * half_turn + complex(abs(arm.real), abs(arm.imag)) * half_turn**2 / 2
+
+
+@njit(cache=True, nogil=True)
+def _bent(arm: complex, half_turn: float) -> complex:
+    """How far it is at most from where it would be if it went straight on."""
+    across = complex(abs(arm.imag), abs(arm.real)) * half_turn / 3
+    return (complex(abs(arm.real), abs(arm.imag)) + across) * half_turn**2 / 2
+
+
+@njit(cache=True, nogil=True)
+def _turned_box(half: complex, spin: complex, wide_turn: float) -> complex:
+    """Half of the sides of a box around a box that is turned, and by at most wide_turn more."""
+    c, s = abs(spin.real), abs(spin.imag)
+    x, y = half.real * c + half.imag * s, half.real * s + half.imag * c
+    return complex(x + wide_turn * y, y + wide_turn * x)
 
 
 @njit(cache=True, nogil=True)
@@ -234,7 +303,7 @@ def _part(places: Places, start: int, stop: int) -> Places:
     """The places of one stage; views."""
     return Places(
         places.middle[start:stop],
-        places.radius[start:stop],
+        places.half[start:stop],
         places.rest[start:stop],
         places.slack[start:stop],
         places.blur[start:stop],

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.blocks import (
     COARSEST,
@@ -27,13 +27,14 @@ from mhvedit.optimise.blocks import (
     smaller_blocks,
 )
 from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
-from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, first_chain, polished, tension_of
+from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, first_chain, polished, steps_of
 
 EXACT = 1e-9  # relative gap at which refinement stops
 NOTHING = 1e-15  # m^2; a chain that may be better by less is as good
 MOST_CELLS = 12_000_000  # in one round; more stops refinement, and the gap says so
 MOST_ROUNDS = 60
 FIRST_YAWS = 8  # steps of yaw in a branch of the gauge at first
+FORCED_FROM = 2  # level of blocks from which on there are views with forces
 POLISHED_FROM = 1  # level of blocks from which on the chain of the least bound is tried
 PARTED_AT, FIRST_PART = 2, 8  # level of blocks, one branch in so many: see `_searched_in_parts`
 THREADS = 2
@@ -90,13 +91,13 @@ class _View:
 
     Where these are wide everything may move in its cell, which is good at first. Where they are 0 turns and gauge are
     held in the middle of their cells: a chain's cost is at rest at its best turns and gauge, so no more than a share of
-    the square of the width is lost, and that is good at last. Between the two, tension keeps together what a wide view
-    lets turn apart.
+    the square of the width is lost, and that is good at last. Between the two, forces keep together what a wide view
+    lets move apart.
     """
 
     wide_turn: float  # rad
     wide_gauge: float  # rad
-    tension: FloatArray | None = None  # (G,) m^2, see `bounds`; None for none
+    forces: ComplexArray | None = None  # (G - 1,) m, see `bounds`; None for none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,7 +191,7 @@ def _flags(maps: Sequence[BlockMap], curves: Sequence[Curve], blocks: Blocks, al
 
 
 def _problem(costs: Sequence[StageCosts], curves: Sequence[Curve], pool: ThreadPoolExecutor) -> _Problem:
-    reach = [max(np.abs(curve.first).max(), np.abs(curve.last).max()) + curve.radius for curve in curves]
+    reach = [max(np.abs(curve.first).max(), np.abs(curve.last).max()) + abs(curve.half) for curve in curves]
     return _Problem(costs, tuple(curves), _links(costs), np.array(reach), pool)
 
 
@@ -306,7 +307,7 @@ def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level
 
 
 def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
-    """Wide until the flat view loses little, flat as soon as it loses not too much; tension where poses are single."""
+    """Wide until the flat view loses little, with forces where blocks are small; flat where it loses not too much."""
     cost = best.cost
     lost = problem.loss(level.half_turn, level.half_gauge, cost)
     views = []
@@ -314,8 +315,8 @@ def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
         held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
         wide = _View(level.half_turn, 0.0 if held else level.half_gauge)
         views.append(wide)
-        if level.blocks == 0:
-            views.append(replace(wide, tension=tension_of(problem.costs, best)))
+        if level.blocks <= FORCED_FROM:
+            views.append(replace(wide, forces=steps_of(problem.costs, best)))
     if lost < LOSE_MOST * cost:
         views.append(_View(0.0, 0.0))
     return views
@@ -327,17 +328,17 @@ def _bounded(
     """The least cost of chains through each cell and of each branch, and the blocks of each branch's cheapest chain."""
     n_branches, n_stages = len(cells.gauges), len(problem.costs)
     through, least = np.empty(len(cells)), np.empty(n_branches)
-    tension = np.zeros(n_stages) if view.tension is None else view.tension
+    forces = np.zeros(n_stages - 1, np.complex128) if view.forces is None else view.forces
     chains = np.zeros((n_branches, n_stages), np.int64)
 
     def bound(branches: IntArray) -> None:
         bound_branches(
             branches,
             (cells.gauges, cells.bounds, cells.block, cells.slot),
-            (blocks.first, blocks.last, blocks.radius, blocks.yaw, blocks.half_yaw),
+            (blocks.first, blocks.last, blocks.half, blocks.yaw, blocks.half_yaw),
             problem.links,
             (level.half_turn, level.half_gauge, level.most_turn, view.wide_turn, view.wide_gauge),
-            tension,
+            forces,
             budget,
             (through, least, chains),
         )

@@ -134,21 +134,18 @@ def chain_cost(stages: Sequence[StageCosts], chosen: IntArray, turns: FloatArray
     return _cost(_picked(stages, chosen), np.concatenate([[gauge], turns]))
 
 
-def tension_of(stages: Sequence[StageCosts], chain: Chain) -> FloatArray:
-    """How hard the step to a stage and the step from it pull its turn apart, at a chain's best turns.
+def steps_of(stages: Sequence[StageCosts], chain: Chain) -> ComplexArray:
+    """How far the vector between the roots goes from stage to stage beyond what both moved there by themselves.
 
     Args:
         stages: in order.
-        chain: with its best turns and gauge.
+        chain: with its turns and gauge.
 
     Returns:
-        (G,) m^2, half of the slope of the one cost by the turn less that of the other; 0 at both ends.
+        (G - 1,) m.
     """
-    _, change, turned, _ = _changes(_picked(stages, chain.chosen), np.concatenate([[chain.gauge], chain.turns]))
-    step = change[0, 1:] - change[1, :-1]
-    tension = np.zeros(len(stages))
-    tension[1:-1] = -0.5 * (np.conj(step[1:]) * 1j * turned[1, 1:-1] + np.conj(step[:-1]) * 1j * turned[0, 1:-1]).real
-    return tension
+    change = _changes(_picked(stages, chain.chosen), np.concatenate([[chain.gauge], chain.turns]))[1]
+    return np.asarray(change[0, 1:] - change[1, :-1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,8 +1,8 @@
 """One step of the recursion along a chain: for every target the source that is cheapest to come from, exactly.
 
 A step costs half the square of the way. Where a source or a target is not known exactly, two bounds say what the step
-costs at least, and the greater counts. Either may lie anywhere in a disc. Or it may slide along a line for half the
-square of the share of its slack that it takes, and lie anywhere in a smaller disc besides.
+costs at least, and the greater counts. Either may lie anywhere in a box. Or it may slide along a line for half the
+square of the share of its slack that it takes, and lie anywhere in a smaller box besides.
 
 Sources stand along a curve on which neighbours are alike in place and in value, and in a tree of boxes: a bunch
 of them in a box, a bunch of boxes in a larger one, each bunch looked at side by side. A target leaves out every box out
@@ -25,17 +25,17 @@ CURVE_BITS = 16  # of each of the three numbers that tell where on the curve som
 class Places(NamedTuple):
     """Where steps start or end; a tuple, since kernels take it."""
 
-    middle: ComplexArray  # (N,) m, of the disc
-    radius: FloatArray  # (N,) m, of the disc
+    middle: ComplexArray  # (N,) m, of the box
+    half: ComplexArray  # (N,) m, half of the box's sides
     rest: ComplexArray  # (N,) m, where it lies if it does not slide
     slack: ComplexArray  # (N,) m, how far and which way it slides for a cost of 1/2 m^2
-    blur: FloatArray  # (N,) m, radius of the disc besides
+    blur: ComplexArray  # (N,) m, half of the sides of the box besides
 
 
 def exactly(points: ComplexArray) -> Places:
     """Places that are known."""
-    nothing = np.zeros(points.shape[0])
-    return Places(points, nothing, points, np.zeros(points.shape[0], np.complex128), nothing)
+    nothing = np.zeros(points.shape[0], np.complex128)
+    return Places(points, nothing, points, nothing, nothing)
 
 
 @njit(cache=True, nogil=True)
@@ -51,21 +51,22 @@ def cheapest_step(value: FloatArray, source: Places, target: Places, budget: Flo
     Returns:
         (M,) m^2; and (M,) the source, -1 where there is none within the budget.
     """
-    count = target.radius.shape[0]
+    count = target.middle.shape[0]
     least, nearest = np.full(count, np.inf), np.full(count, -1, np.int64)
     order = _along_curve(value, source, budget.max() if count else -1.0)
     if order.shape[0] == 0:
         return least, nearest
     points = _points(value, source, order)
     boxes, below = _tree(points)
-    wanted, found = np.empty(8), order.shape[0] // 2
+    wanted, found = np.empty(10), order.shape[0] // 2
     stack, bounds, costs = np.empty(MOST_OPEN, np.int64), np.empty(MOST_OPEN), np.empty(BUNCH)
     for j in range(count):
         if budget[j] >= 0:
             wanted[0], wanted[1] = target.middle[j].real, target.middle[j].imag
             wanted[2], wanted[3] = target.rest[j].real, target.rest[j].imag
             wanted[4], wanted[5] = target.slack[j].real, target.slack[j].imag
-            wanted[6], wanted[7] = target.radius[j], target.blur[j]
+            wanted[6], wanted[7] = target.half[j].real, target.half[j].imag
+            wanted[8], wanted[9] = target.blur[j].real, target.blur[j].imag
             best, at = _cheapest(points, boxes, below, wanted, found // BUNCH, budget[j], stack, bounds, costs)
             if at >= 0:
                 least[j], nearest[j], found = best, order[at], at
@@ -140,29 +141,31 @@ def _along_curve(value: FloatArray, places: Places, budget: float) -> IntArray:
 
 @njit(cache=True, nogil=True)
 def _points(value: FloatArray, places: Places, order: IntArray) -> FloatArray:
-    """(P, 9, BUNCH): middle, rest, slack, radius, blur, value of bunches of places; the last may stand for none."""
-    out = np.zeros((-(-order.shape[0] // BUNCH), 9, BUNCH))
-    out[:, 8] = np.inf
+    """(P, 11, BUNCH): value, middle, half, rest, blur, slack of bunches of places; the last may stand for none."""
+    out = np.zeros((-(-order.shape[0] // BUNCH), 11, BUNCH))
+    out[:, 0] = np.inf
     for at in range(order.shape[0]):
         n, k, i = at // BUNCH, at % BUNCH, order[at]
-        out[n, 0, k], out[n, 1, k] = places.middle[i].real, places.middle[i].imag
-        out[n, 2, k], out[n, 3, k] = places.rest[i].real, places.rest[i].imag
-        out[n, 4, k], out[n, 5, k] = places.slack[i].real, places.slack[i].imag
-        out[n, 6, k], out[n, 7, k], out[n, 8, k] = places.radius[i], places.blur[i], value[i]
+        out[n, 0, k] = value[i]
+        out[n, 1, k], out[n, 2, k] = places.middle[i].real, places.middle[i].imag
+        out[n, 3, k], out[n, 4, k] = places.half[i].real, places.half[i].imag
+        out[n, 5, k], out[n, 6, k] = places.rest[i].real, places.rest[i].imag
+        out[n, 7, k], out[n, 8, k] = places.blur[i].real, places.blur[i].imag
+        out[n, 9, k], out[n, 10, k] = places.slack[i].real, places.slack[i].imag
     return out
 
 
 @njit(cache=True, nogil=True)
 def _tree(points: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(B, 12, BUNCH) bunches of boxes, the last one being the root; and (B,) which bunch the first of each one holds.
+    """(B, 10, BUNCH) bunches of boxes, the last one being the root; and (B,) which bunch the first of each one holds.
 
-    A box is (12,): its least value; low x and y of the middles, of the rests, and high ones with the sign changed;
-    widest radius, blur, and square of the slack.
+    A box is (10,): its least value; low x and y of the boxes, of those at rest, and high ones with the sign changed;
+    widest square of the slack.
     """
     starts = [0, points.shape[0]]  # of the points, and of boxes of each size
     while len(starts) == 2 or starts[-1] - starts[-2] > 1:
         starts.append(starts[-1] + -(-(starts[-1] - starts[-2]) // BUNCH))
-    boxes = np.zeros((starts[-1] - starts[1], 12, BUNCH))
+    boxes = np.zeros((starts[-1] - starts[1], 10, BUNCH))
     boxes[:, :9] = np.inf
     below = np.empty(boxes.shape[0], np.int64)
     for size in range(len(starts) - 2):
@@ -174,7 +177,7 @@ def _tree(points: FloatArray) -> tuple[FloatArray, IntArray]:
             if size == 0:
                 _enclose(box, points[n])
             else:
-                for k in range(12):
+                for k in range(10):
                     own = boxes[n - starts[1], k]
                     box[k] = own.min() if k < 9 else own.max()
     return boxes, below
@@ -184,13 +187,14 @@ def _tree(points: FloatArray) -> tuple[FloatArray, IntArray]:
 def _enclose(box: FloatArray, points: FloatArray) -> None:
     """Widen a box for a bunch of points."""
     for i in range(BUNCH):
-        if points[8, i] < np.inf:
-            box[0] = min(box[0], points[8, i])
-            for axis in range(4):
-                box[1 + axis] = min(box[1 + axis], points[axis, i])
-                box[5 + axis] = min(box[5 + axis], -points[axis, i])
-            box[9], box[10] = max(box[9], points[6, i]), max(box[10], points[7, i])
-            box[11] = max(box[11], points[4, i] ** 2 + points[5, i] ** 2)
+        if points[0, i] < np.inf:
+            box[0] = min(box[0], points[0, i])
+            for axis in range(2):
+                box[1 + axis] = min(box[1 + axis], points[1 + axis, i] - points[3 + axis, i])
+                box[3 + axis] = min(box[3 + axis], points[5 + axis, i] - points[7 + axis, i])
+                box[5 + axis] = min(box[5 + axis], -points[1 + axis, i] - points[3 + axis, i])
+                box[7 + axis] = min(box[7 + axis], -points[5 + axis, i] - points[7 + axis, i])
+            box[9] = max(box[9], points[9, i] ** 2 + points[10, i] ** 2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -198,34 +202,41 @@ def _ways(points: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> No
     """What getting to a place by way of each point of a bunch costs at least.
 
     Sliding by shares p and q costs 1/2 (p^2 + q^2); at the best ones the step costs 1/2 d' (I + s s' + t t')^-1 d with
-    the slacks s and t.
+    the slacks s and t. Over a box that is least on one of the two edges that face the origin.
     """
     mx, my, rx, ry = wanted[0], wanted[1], wanted[2], wanted[3]
-    tx, ty, radius, blur = wanted[4], wanted[5], wanted[6], wanted[7]
+    tx, ty, hx, hy, bx, by = wanted[4], wanted[5], wanted[6], wanted[7], wanted[8], wanted[9]
     for i in range(out.shape[0]):  # not BUNCH, for which no vector instructions are made
-        x, y = mx - points[n, 0, i], my - points[n, 1, i]
-        discs = np.sqrt(x * x + y * y) - points[n, 6, i] - radius
-        x, y, sx, sy = rx - points[n, 2, i], ry - points[n, 3, i], points[n, 4, i], points[n, 5, i]
-        across_a, across_b, across = sx * y - sy * x, tx * y - ty * x, sx * ty - sy * tx
-        square = x * x + y * y + across_a * across_a + across_b * across_b
-        slack = 1 + sx * sx + sy * sy + tx * tx + ty * ty + across * across
-        slides = np.sqrt(square / slack) - points[n, 7, i] - blur
-        way = max(discs, slides, 0.0)
-        out[i] = points[n, 8, i] + 0.5 * way * way
+        x = max(abs(mx - points[n, 1, i]) - points[n, 3, i] - hx, 0.0)
+        y = max(abs(my - points[n, 2, i]) - points[n, 4, i] - hy, 0.0)
+        boxes = x * x + y * y
+        x, y, wide, tall = rx - points[n, 5, i], ry - points[n, 6, i], points[n, 7, i] + bx, points[n, 8, i] + by
+        low_x, high_x, low_y, high_y = x - wide, x + wide, y - tall, y + tall
+        edge_x, edge_y = max(low_x, 0.0) + min(high_x, 0.0), max(low_y, 0.0) + min(high_y, 0.0)
+        sx, sy = points[n, 9, i], points[n, 10, i]
+        xx, yy, xy = 1 + sx * sx + tx * tx, 1 + sy * sy + ty * ty, sx * sy + tx * ty
+        x, y = min(max(xy / yy * edge_y, low_x), high_x), min(max(xy / xx * edge_x, low_y), high_y)
+        upright = yy * edge_x * edge_x - 2 * xy * edge_x * y + xx * y * y
+        level = yy * x * x - 2 * xy * x * edge_y + xx * edge_y * edge_y
+        slides = min(upright, level) / (xx * yy - xy * xy)
+        out[i] = points[n, 0, i] + 0.5 * max(boxes, slides)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _ways_to_boxes(boxes: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> None:
     """What coming from anywhere in each box of a bunch costs at least, with what it costs to be there."""
-    mx, my, rx, ry = wanted[0], wanted[1], wanted[2], wanted[3]
-    tx, ty, radius, blur = wanted[4], wanted[5], wanted[6], wanted[7]
-    slack = 1 + tx * tx + ty * ty
+    low_x, low_y, high_x, high_y = (
+        wanted[0] - wanted[6], wanted[1] - wanted[7], wanted[0] + wanted[6], wanted[1] + wanted[7],
+    )  # fmt: skip
+    rest_low_x, rest_low_y, rest_high_x, rest_high_y = (
+        wanted[2] - wanted[8], wanted[3] - wanted[9], wanted[2] + wanted[8], wanted[3] + wanted[9],
+    )  # fmt: skip
+    slack = 1 + wanted[4] * wanted[4] + wanted[5] * wanted[5]
     for i in range(out.shape[0]):  # likewise
-        x = max(boxes[n, 1, i] - mx, mx + boxes[n, 5, i], 0.0)
-        y = max(boxes[n, 2, i] - my, my + boxes[n, 6, i], 0.0)
-        discs = np.sqrt(x * x + y * y) - boxes[n, 9, i] - radius
-        x = max(boxes[n, 3, i] - rx, rx + boxes[n, 7, i], 0.0)
-        y = max(boxes[n, 4, i] - ry, ry + boxes[n, 8, i], 0.0)
-        slides = np.sqrt((x * x + y * y) / (slack + boxes[n, 11, i])) - boxes[n, 10, i] - blur
-        way = max(discs, slides, 0.0)
-        out[i] = boxes[n, 0, i] + 0.5 * way * way
+        x = max(boxes[n, 1, i] - high_x, low_x + boxes[n, 5, i], 0.0)
+        y = max(boxes[n, 2, i] - high_y, low_y + boxes[n, 6, i], 0.0)
+        whole = x * x + y * y
+        x = max(boxes[n, 3, i] - rest_high_x, rest_low_x + boxes[n, 7, i], 0.0)
+        y = max(boxes[n, 4, i] - rest_high_y, rest_low_y + boxes[n, 8, i], 0.0)
+        slides = (x * x + y * y) / (slack + boxes[n, 9, i])
+        out[i] = boxes[n, 0, i] + 0.5 * max(whole, slides)

@@ -36,7 +36,8 @@ def check(costs: tuple[StageCosts, ...], curves: list[Curve], blocks: Blocks) ->
             held.append(rows)
             assert len(np.unique(index[rows], axis=0)) == 1
             for which, middle in ((0, blocks.first[block]), (-1, blocks.last[block])):
-                assert (np.abs(vectors(stage, which)[rows] - middle) <= blocks.radius[block] + 1e-12).all()
+                away, half = vectors(stage, which)[rows] - middle, blocks.half[block]
+                assert (np.abs(away.real) <= half.real + 1e-12).all() and (np.abs(away.imag) <= half.imag + 1e-12).all()
             assert (np.abs(stage.yaws[rows] - blocks.yaw[block]) <= blocks.half_yaw[block] + 1e-12).all()
         assert len(own) == len(np.unique(index, axis=0))
         assert np.sort(np.concatenate(held)).tolist() == list(range(len(stage.keys)))
@@ -57,7 +58,7 @@ def test_every_level_is_cut_into_blocks_that_hold_all_solutions(adjoins: list[bo
             assert (parts[1:, 0] == parts[:-1, 1]).all()
         blocks = finer
         check(costs, curves, blocks)
-    assert (blocks.radius == 0).all() and (blocks.half_yaw == 0).all()
+    assert (blocks.half == 0).all() and (blocks.half_yaw == 0).all()
 
 
 def test_blocks_that_are_not_used_are_not_cut(pool: ThreadPoolExecutor) -> None:

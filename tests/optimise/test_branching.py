@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from mhvedit.geometry.arrays import BoolArray, FloatArray
+from mhvedit.geometry.arrays import BoolArray, ComplexArray
 from mhvedit.optimise.blocks import Blocks, coarsest_blocks, curve_of
 from mhvedit.optimise.branching import (
     EXACT,
@@ -22,7 +22,7 @@ from mhvedit.optimise.branching import (
     _View,
     best_chain,
 )
-from mhvedit.optimise.chains import Chain, StageCosts, chain_cost, stage_costs, tension_of, with_best_turns
+from mhvedit.optimise.chains import Chain, StageCosts, chain_cost, stage_costs, steps_of, with_best_turns
 from mhvedit.optimise.stages import Stage, some_of
 from tests.optimise.problems import N_YAW, STEP, problem
 
@@ -120,10 +120,8 @@ def some_best_chain(rng: np.random.Generator, costs: tuple[StageCosts, ...]) -> 
     return with_best_turns(costs, chosen, float(rng.uniform(0, 2 * np.pi)))
 
 
-def some_tension(rng: np.random.Generator, count: int) -> FloatArray:
-    tension = rng.normal(0, 1, count) * 10.0 ** rng.integers(-3, 2)
-    tension[[0, -1]] = 0.0
-    return tension
+def some_forces(rng: np.random.Generator, count: int) -> ComplexArray:
+    return np.asarray((rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count)) * 10.0 ** rng.integers(-3, 1))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -142,9 +140,9 @@ def test_no_chain_through_a_cell_costs_less_than_its_bound(seed: int, adjoins: l
             checked = 0
             for _ in range(6):
                 best = some_best_chain(rng, costs)
-                tensions = [None, some_tension(rng, len(stages)), tension_of(costs, best)]
-                wide = [_View(level.half_turn, level.half_gauge, tension) for tension in tensions]
-                held = [_View(0.0, 0.0), *(_View(level.half_turn, 0.0, tension) for tension in tensions)]
+                forces = [None, some_forces(rng, len(stages) - 1), steps_of(costs, best)]
+                wide = [_View(level.half_turn, level.half_gauge, own) for own in forces]
+                held = [_View(0.0, 0.0), *(_View(level.half_turn, 0.0, own) for own in forces)]
                 free = rng.uniform(-np.pi, np.pi, len(stages)), float(rng.uniform(0, 2 * np.pi))
                 views, stances = wide + held, [free] * len(wide) + [(best.turns, best.gauge)] * len(held)
                 for view, (turns, gauge) in zip(views, stances, strict=True):
@@ -163,7 +161,7 @@ def test_no_chain_through_a_cell_costs_less_than_its_bound(seed: int, adjoins: l
             level = finer
 
 
-def test_tension_brings_the_wide_bound_closer_to_the_chain_it_is_of() -> None:
+def test_forces_bring_the_wide_bound_closer_to_the_chain_they_are_of() -> None:
     """Where all is known but the turns, which are small: without it more than three times as much is lost."""
     stages = problem(4, count=5, size=60)
     found = best_chain(stage_costs(stages, facing_weight=0.5), step=STEP, n_yaw=N_YAW)
@@ -175,11 +173,11 @@ def test_tension_brings_the_wide_bound_closer_to_the_chain_it_is_of() -> None:
         task = _problem(costs, [curve_of(own) for own in costs], pool)
         blocks = coarsest_blocks(task.curves, pool)
         cells, level = cells_of(costs, blocks, [best.gauge]), _Level(0, half, 0.0, half)
-        loose, tense = (
-            best.cost - _bounded(task, blocks, cells, level, _View(half, 0.0, tension), best.cost + 1)[1][0]
-            for tension in (None, tension_of(costs, best))
+        loose, forced = (
+            best.cost - _bounded(task, blocks, cells, level, _View(half, 0.0, forces), best.cost + 1)[1][0]
+            for forces in (None, steps_of(costs, best))
         )
-    assert 0 < tense < loose / 3
+    assert 0 < forced < loose / 3
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -197,7 +195,7 @@ def test_a_budget_changes_nothing_below_it(seed: int) -> None:
             blocks, cells = _refined(task, blocks, cells, level, finer)
             level = finer
         for share in (0.0, 0.5, 1.0, 3.0):
-            view = _View(half, 0.0, share * tension_of(costs, best))
+            view = _View(half, 0.0, share * steps_of(costs, best))
             every, _, _ = _bounded(task, blocks, cells, level, view, 100.0)
             for budget in np.quantile(every, (0.05, 0.3)):
                 within, _, _ = _bounded(task, blocks, cells, level, view, max(budget, 0.0))

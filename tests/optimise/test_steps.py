@@ -1,3 +1,6 @@
+import itertools
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,20 +19,35 @@ def some_places(rng: np.random.Generator, count: int) -> Places:
     middle = rng.normal(0, 1, count) * spread[0] + 1j * rng.normal(0, 1, count) * spread[1]
     slack = unknown * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
     rest = middle + unknown * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
-    return Places(middle, unknown * rng.random(count), rest, slack, 0.1 * unknown * rng.random(count))
+    half, blur = (unknown * share * (rng.random(count) + 1j * rng.random(count)) for share in (1.0, 0.1))
+    return Places(middle, half, rest, slack, blur)
 
 
 def plain_steps(source: Places, target: Places) -> FloatArray:
     """(M, N) the greater of both bounds for every pair, by matrices."""
-    discs = np.abs(target.middle[:, None] - source.middle) - target.radius[:, None] - source.radius
-    out = np.empty(discs.shape)
-    for j, i in np.ndindex(discs.shape):
+    out = np.empty((len(target.middle), len(source.middle)))
+    for j, i in np.ndindex(out.shape):
         slacks = np.array([[p.real, p.imag] for p in (source.slack[i], target.slack[j])])
-        way = target.rest[j] - source.rest[i]
-        d = np.array([way.real, way.imag])
-        slides = np.sqrt(d @ np.linalg.solve(np.eye(2) + slacks.T @ slacks, d)) - source.blur[i] - target.blur[j]
-        out[j, i] = 0.5 * max(discs[j, i], slides, 0) ** 2
+        whole = least_in_box(target.middle[j] - source.middle[i], target.half[j] + source.half[i], np.eye(2))
+        stiffness = np.linalg.inv(np.eye(2) + slacks.T @ slacks)
+        slides = least_in_box(target.rest[j] - source.rest[i], target.blur[j] + source.blur[i], stiffness)
+        out[j, i] = 0.5 * max(whole, slides)
     return out
+
+
+def least_in_box(middle: Any, half: Any, form: FloatArray) -> float:
+    """The least of a quadratic form: 0, where the box holds the origin, or else on one of its four edges."""
+    low = np.array([middle.real - half.real, middle.imag - half.imag])
+    high = np.array([middle.real + half.real, middle.imag + half.imag])
+    if (low <= 0).all() and (high >= 0).all():
+        return 0.0
+    found = []
+    for axis, edge in itertools.product((0, 1), (low, high)):
+        d = np.empty(2)
+        d[axis], other = edge[axis], 1 - axis
+        d[other] = np.clip(-form[axis, other] / form[other, other] * d[axis], low[other], high[other])
+        found.append(float(d @ form @ d))
+    return min(found)
 
 
 def unlimited(count: int) -> FloatArray:
@@ -41,8 +59,8 @@ def unlimited(count: int) -> FloatArray:
 def test_the_cheapest_step_is_the_least_of_all(seed: int) -> None:
     rng = np.random.default_rng(seed)
     source, target = (some_places(rng, int(10 ** rng.uniform(0, 1.9))) for _ in range(2))
-    left_out = rng.random(len(target.radius)) < 0.1
-    value = rng.uniform(0, rng.choice([0.0, 1.0]), len(source.radius))
+    left_out = rng.random(len(target.middle)) < 0.1
+    value = rng.uniform(0, rng.choice([0.0, 1.0]), len(source.middle))
     budget = float(rng.choice([0.05, 0.5, np.inf]))
     every = value + plain_steps(source, target)
     wanted = ~left_out & (every.min(1) <= budget)
@@ -76,14 +94,17 @@ def test_every_target_has_its_own_budget() -> None:
 @given(SEEDS)
 @SOME
 def test_sliding_costs_no_less_than_the_step_says(seed: int) -> None:
-    """Any two shares of the slacks that are taken, and any two places within the blurs."""
+    """Any two shares of the slacks that are taken, and any two places within the boxes besides."""
     rng = np.random.default_rng(seed)
     source, target = some_places(rng, 1), some_places(rng, 1)
-    source, target = (Places(p.rest, p.radius + 1e9, p.rest, p.slack, p.blur) for p in (source, target))
+    source, target = (Places(p.rest, p.half + (1 + 1j) * 1e9, p.rest, p.slack, p.blur) for p in (source, target))
     least = cheapest_step(np.zeros(1), source, target, unlimited(1))[0][0]
     shares = rng.normal(0, 10.0 ** rng.integers(-2, 2), (2, 200))
-    blurs = np.sqrt(rng.random((2, 200))) * np.exp(2j * np.pi * rng.random((2, 200)))
-    ends = [p.rest + p.slack * s + p.blur * b for p, s, b in zip((source, target), shares, blurs, strict=True)]
+    across, along = rng.uniform(-1, 1, (2, 2, 200))
+    ends = [
+        p.rest + p.slack * s + p.blur.real * x + 1j * p.blur.imag * y
+        for p, s, x, y in zip((source, target), shares, across, along, strict=True)
+    ]
     cost = 0.5 * np.abs(ends[1] - ends[0]) ** 2 + 0.5 * (shares**2).sum(0)
     assert (cost >= least * (1 - 1e-9)).all()
 

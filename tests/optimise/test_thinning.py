@@ -111,8 +111,9 @@ def test_a_block_holds_the_vectors_and_yaws_of_its_solutions(seed: int) -> None:
     place[curve.rows] = np.arange(len(curve.rows))
     own = place[np.ravel_multi_index(tuple(((keys - [*blocks.origin, 0]) >> sides()).T), blocks.there.shape)]
     for which, middles in ((0, curve.first), (-1, curve.last)):
-        away = np.abs(vectors(costs, np.arange(len(keys)), which) - middles[own])
-        assert away.max() <= curve.radius + 1e-12
+        away = vectors(costs, np.arange(len(keys)), which) - middles[own]
+        assert np.abs(away.real).max() <= curve.half.real + 1e-12
+        assert np.abs(away.imag).max() <= curve.half.imag + 1e-12
     assert np.abs(poses[:, 2] - curve.yaws[own]).max() <= curve.half_yaw + 1e-12
 
 
