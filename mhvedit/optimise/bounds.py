@@ -156,8 +156,8 @@ def _under_forces(
     """What the forces on a stage cost at least, with what the turn to where that is adds; and that turn.
 
     Turns are told from the middle of the cell's. Facing costs at least 1/2 stiffness (turn - best)^2 more than at its
-    best; the forces cost before.e^(i turn) arriving - after.e^(i turn) leaving, which is straight but for a bend. Around
-    the turn that is found the sum has the same stiffness.
+    best; the forces cost before.e^(i turn) arriving - after.e^(i turn) leaving, which is straight but for a bend. The
+    sum has the same stiffness around the turn that is found.
     """
     pulled = np.conj(before) * arriving - np.conj(after) * leaving
     slope = -pulled.imag

@@ -1,5 +1,4 @@
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,14 +27,16 @@ def plain_steps(source: Places, target: Places) -> FloatArray:
     out = np.empty((len(target.middle), len(source.middle)))
     for j, i in np.ndindex(out.shape):
         slacks = np.array([[p.real, p.imag] for p in (source.slack[i], target.slack[j])])
-        whole = least_in_box(target.middle[j] - source.middle[i], target.half[j] + source.half[i], np.eye(2))
+        middle, half = target.middle[j] - source.middle[i], target.half[j] + source.half[i]
+        whole = least_in_box(complex(middle), complex(half), np.eye(2))
+        way, blur = target.rest[j] - source.rest[i], target.blur[j] + source.blur[i]
         stiffness = np.linalg.inv(np.eye(2) + slacks.T @ slacks)
-        slides = least_in_box(target.rest[j] - source.rest[i], target.blur[j] + source.blur[i], stiffness)
+        slides = least_in_box(complex(way), complex(blur), stiffness)
         out[j, i] = 0.5 * max(whole, slides)
     return out
 
 
-def least_in_box(middle: Any, half: Any, form: FloatArray) -> float:
+def least_in_box(middle: complex, half: complex, form: FloatArray) -> float:
     """The least of a quadratic form: 0, where the box holds the origin, or else on one of its four edges."""
     low = np.array([middle.real - half.real, middle.imag - half.imag])
     high = np.array([middle.real + half.real, middle.imag + half.imag])
