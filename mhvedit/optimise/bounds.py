@@ -53,6 +53,24 @@ def loss_of(links: Links, reach: FloatArray, flat_turn: float, flat_gauge: float
 
 
 @njit(cache=True, nogil=True)
+def play_of(links: Links, forces: ComplexArray, half: complex, gauge: float, wide_gauge: float) -> float:
+    """How much less than a chain a bound with the chain's own steps as forces says, but for its turns.
+
+    Args:
+        links: between stages.
+        forces: (G - 1,) m.
+        half: m, half of the sides of the blocks.
+        gauge: of the chain, rad.
+        wide_gauge: as in `bound_branches`.
+    """
+    play = float(_gauge_play(links, forces, gauge, wide_gauge))
+    for g in range(forces.shape[0] + 1):
+        before, after = forces[g - 1] if g > 0 else 0j, forces[g] if g < forces.shape[0] else 0j
+        play += _play(before, after, half, False)
+    return play
+
+
+@njit(cache=True, nogil=True)
 def bound_branches(
     branches: IntArray,
     cells: tuple[FloatArray, IntArray, Int32Array, Int32Array],
@@ -85,7 +103,8 @@ def bound_branches(
             at, block[start:stop], slot[start:stop], gauges[b], blocks, links, widths, forces
         )
         loss = loss_of(links, reach, half_turn - wide_turn, half_gauge - wide_gauge, budget)
-        loss += _held_back(links, forces, gauges[b], wide_gauge) - _lowered(at, unary)
+        loss += 0.5 * (np.abs(forces) ** 2).sum() + _gauge_play(links, forces, gauges[b], wide_gauge)
+        loss -= _lowered(at, unary)
         forward, came_from = _forward(at, leave, arrive, unary, budget + loss)
         behind = _behind(at, leave, arrive, unary, forward, budget + loss)
         through[start:stop] = forward + behind - loss
@@ -179,14 +198,13 @@ def _play(before: complex, after: complex, half: complex, apart: bool) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _held_back(links: Links, forces: ComplexArray, gauge: float, wide_gauge: float) -> float:
-    """What the forces cost too much as far as it is not told of the stages: halves of squares, and the gauge's play."""
-    squares, along, bend = 0.0, 0.0, 0.0
+def _gauge_play(links: Links, forces: ComplexArray, gauge: float, wide_gauge: float) -> float:
+    """What forces gain at most by the gauge, which turns all ways that B keeps."""
+    along, bend = 0.0, 0.0
     for g in range(forces.shape[0]):
-        squares += abs(forces[g]) ** 2
         along += _along(forces[g], 1j * np.exp(1j * gauge) * links.kept_b[g])
         bend += abs(forces[g]) * abs(links.kept_b[g])
-    return float(0.5 * squares + abs(along) * wide_gauge + 0.5 * bend * wide_gauge**2)
+    return float(abs(along) * wide_gauge + 0.5 * bend * wide_gauge**2)
 
 
 @njit(cache=True, nogil=True)

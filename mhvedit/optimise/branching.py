@@ -26,16 +26,17 @@ from mhvedit.optimise.blocks import (
     curve_of_map,
     smaller_blocks,
 )
-from mhvedit.optimise.bounds import Links, bound_branches, loss_of, split_cells
-from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, first_chain, polished, steps_of
+from mhvedit.optimise.bounds import Links, bound_branches, loss_of, play_of, split_cells
+from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, first_chain, steps_of, with_best_turns
+from mhvedit.optimise.ties import TIE
 
 EXACT = 1e-9  # relative gap at which refinement stops
+SPARE = 1e-6  # share of a cost that floating point may lose, and more
 NOTHING = 1e-15  # m^2; a chain that may be better by less is as good
 MOST_CELLS = 12_000_000  # in one round; more stops refinement, and the gap says so
 MOST_ROUNDS = 60
 FIRST_YAWS = 8  # steps of yaw in a branch of the gauge at first
-FORCED_FROM = 2  # level of blocks from which on there are views with forces
-POLISHED_FROM = 1  # level of blocks from which on the chain of the least bound is tried
+TRIED_FROM = 1  # level of blocks from which on the chain of the least bound is tried
 PARTED_AT, FIRST_PART = 2, 8  # level of blocks, one branch in so many: see `_searched_in_parts`
 THREADS = 2
 PORTIONS = 16  # in which the branches are handed to the threads
@@ -121,6 +122,11 @@ class _Known:
 
     best: Chain
     tried: set[tuple[int, ...]]
+    rivals: list[BoolArray]  # G of (S,) solutions that chains which tie with the best can be made of, and maybe others
+
+    def budget(self, *, ties: bool) -> float:
+        """What a chain may cost to count, m^2: less than the best one, or little more."""
+        return self.best.cost * (1 + TIE) * (1 + SPARE) + NOTHING if ties else self.best.cost
 
     def is_proven_by(self, bound: float) -> bool:
         """Whether chains that cost no less than the bound are no better than the best, but for rounding."""
@@ -136,14 +142,30 @@ def best_chain(costs: Sequence[StageCosts], *, step: float, n_yaw: int, start: S
         n_yaw: yaw steps in a full turn.
         start: a good chain, if there is one.
     """
-    known = _Known(first_chain(costs) if start is None else chain_from(costs, start), set())
+    return best_and_rivals(costs, step=step, n_yaw=n_yaw, start=start)[0]
+
+
+def best_and_rivals(
+    costs: Sequence[StageCosts], *, step: float, n_yaw: int, start: Start | None = None
+) -> tuple[Chain, list[IntArray]]:
+    """The best chain, as `best_chain` tells, and what ties with it.
+
+    Returns:
+        The chain; and of each stage the rows of the solutions that chains can be made of which cost no more than it but
+        for `TIE`, and maybe others, ascending.
+    """
+    best = first_chain(costs) if start is None else chain_from(costs, start)
+    known = _Known(best, set(), [np.zeros(len(stage.yaws), np.bool_) for stage in costs])
     with ThreadPoolExecutor(THREADS) as pool:
         problem = _problem(costs, list(pool.map(curve_of, costs)), pool)
         blocks = coarsest_blocks(problem.curves, pool)
-        level, cells = _everything(costs, blocks, known.best.cost, n_yaw)
+        level, cells = _everything(costs, blocks, known.budget(ties=True), n_yaw)
         bound = _searched(problem, blocks, cells, level, known, step)
     best = known.best
-    return Chain(best.chosen, best.turns, best.gauge, best.cost, min(bound, best.cost))
+    best = Chain(best.chosen, best.turns, best.gauge, best.cost, min(bound, best.cost))
+    for own, row in zip(known.rivals, best.chosen, strict=True):
+        own[row] = True
+    return best, [np.flatnonzero(own) for own in known.rivals]
 
 
 def blocks_within(
@@ -167,27 +189,26 @@ def blocks_within(
         problem = _problem(costs, curves, pool)
         blocks = coarsest_blocks(curves, pool)
         level, cells = _everything(costs, blocks, budget, n_yaw)
-        known = _Known(within, set())
+        known = _Known(within, set(), [])
         while True:
-            cells, _ = _round(problem, blocks, cells, level, known)
+            cells, _ = _round(problem, blocks, cells, level, known, ties=False)
             if level.blocks == MAPPED or len(cells) > MOST_CELLS // 8:
                 break
             finer = _finer(problem, level, step, budget)
             blocks, cells = _refined(problem, blocks, cells, level, finer)
             level = finer
-    return _flags(maps, curves, blocks, np.unique(cells.block))
+    flags = [np.zeros_like(own.there) for own in maps]
+    _flag([own.reshape(-1) for own in flags], curves, blocks, cells)
+    return flags
 
 
-def _flags(maps: Sequence[BlockMap], curves: Sequence[Curve], blocks: Blocks, alive: IntArray) -> list[BoolArray]:
-    """Of each stage which blocks of its map are in some larger ones."""
-    found = []
-    for g, (own, curve) in enumerate(zip(maps, curves, strict=True)):
-        flags = np.zeros_like(own.there)
+def _flag(flags: Sequence[BoolArray], curves: Sequence[Curve], blocks: Blocks, cells: _Cells) -> None:
+    """Flag the rows of each stage that are in some cells."""
+    alive = np.unique(cells.block)
+    for g, (own, curve) in enumerate(zip(flags, curves, strict=True)):
         starts, stops = (np.bincount(edges, minlength=len(curve.rows) + 1)
                          for edges in blocks.run[alive[blocks.stage[alive] == g]].T)  # fmt: skip
-        flags.ravel()[curve.rows[np.cumsum(starts - stops)[:-1] > 0]] = True
-        found.append(flags)
-    return found
+        own[curve.rows[np.cumsum(starts - stops)[:-1] > 0]] = True
 
 
 def _problem(costs: Sequence[StageCosts], curves: Sequence[Curve], pool: ThreadPoolExecutor) -> _Problem:
@@ -227,12 +248,18 @@ def _most_turn(stage: StageCosts, cost: float) -> float:
 def _searched(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known, step: float) -> float:
     """Search some cells until nothing in them is better than the best chain known by more than rounding.
 
+    What ties with it is flagged as soon as blocks are single poses; then it is left out too.
+
     Returns:
         What every chain in them costs at least, if not more than the best.
     """
-    bound = 0.0
+    bound, ties = 0.0, True
     for _ in range(MOST_ROUNDS):
-        cells, through = _round(problem, blocks, cells, level, known)
+        cells, through = _round(problem, blocks, cells, level, known, ties=ties)
+        if ties and level.blocks == 0:
+            _flag(known.rivals, problem.curves, blocks, cells)
+            ties = False
+            cells, through = _kept(cells, through, known.budget(ties=ties))
         bound = max(bound, float(through.min(initial=known.best.cost)))
         if known.is_proven_by(bound):
             break
@@ -243,6 +270,8 @@ def _searched(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, k
         level = finer
         if len(cells) > MOST_CELLS:
             break
+    if ties:
+        _flag(known.rivals, problem.curves, blocks, cells)
     return bound
 
 
@@ -264,26 +293,28 @@ def _searched_in_parts(
     bounds = []
     for some in (promising, ~promising):
         wanted = np.repeat(some, cells.bounds[:, -1] - cells.bounds[:, 0])
-        part, _ = _kept(cells, np.where(wanted, through, np.inf), known.best.cost)
+        part, _ = _kept(cells, np.where(wanted, through, np.inf), known.budget(ties=True))
         finer = _finer(problem, level, step, known.best.cost)
         fine, part = _refined(problem, blocks, part, level, finer)
         bounds.append(_searched(problem, fine, part, finer, known, step))
     return min(bounds)
 
 
-def _round(problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known) -> tuple[_Cells, FloatArray]:
+def _round(
+    problem: _Problem, blocks: Blocks, cells: _Cells, level: _Level, known: _Known, *, ties: bool
+) -> tuple[_Cells, FloatArray]:
     """Bound every branch in all views that promise something.
 
     Returns:
-        The cells that a better chain may be in, and the least cost of chains through each.
+        The cells that a better chain may be in, or one that ties, and the least cost of chains through each.
     """
     through = np.zeros(len(cells))
-    for view in _views(problem, level, known.best):
-        bounds, least, chains = _bounded(problem, blocks, cells, level, view, known.best.cost)
-        if level.blocks <= POLISHED_FROM and least.min(initial=np.inf) < known.best.cost:
+    for view in _views(problem, blocks, level, known.best):
+        bounds, least, chains = _bounded(problem, blocks, cells, level, view, known.budget(ties=ties))
+        if level.blocks <= TRIED_FROM and least.min(initial=np.inf) < known.best.cost:
             _try(problem, blocks, chains[least.argmin()], float(cells.gauges[least.argmin()]), known)
         through = np.maximum(through, bounds)
-        cells, through = _kept(cells, through, known.best.cost)
+        cells, through = _kept(cells, through, known.budget(ties=ties))
     return cells, through
 
 
@@ -306,8 +337,8 @@ def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level
     return replace(level, half_turn=level.half_turn / 2, half_gauge=level.half_gauge / 2)
 
 
-def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
-    """Wide until the flat view loses little, with forces where blocks are small; flat where it loses not too much."""
+def _views(problem: _Problem, blocks: Blocks, level: _Level, best: Chain) -> list[_View]:
+    """Wide until the flat view loses little, with forces where they have little play; flat where that loses little."""
     cost = best.cost
     lost = problem.loss(level.half_turn, level.half_gauge, cost)
     views = []
@@ -315,8 +346,12 @@ def _views(problem: _Problem, level: _Level, best: Chain) -> list[_View]:
         held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
         wide = _View(level.half_turn, 0.0 if held else level.half_gauge)
         views.append(wide)
-        if level.blocks <= FORCED_FROM:
-            views.append(replace(wide, forces=steps_of(problem.costs, best)))
+        forces, half = (
+            steps_of(problem.costs, best),
+            complex(blocks.half.real.max(initial=0.0), blocks.half.imag.max(initial=0.0)),
+        )
+        if play_of(problem.links, forces, half, best.gauge, wide.wide_gauge) < LOSE_MUCH * cost:
+            views.append(replace(wide, forces=forces))
     if lost < LOSE_MOST * cost:
         views.append(_View(0.0, 0.0))
     return views
@@ -348,12 +383,11 @@ def _bounded(
 
 
 def _try(problem: _Problem, blocks: Blocks, chain: IntArray, gauge: float, known: _Known) -> None:
-    """Polish a chain of one solution from each of some blocks, once."""
+    """Turn a chain of one solution from each of some blocks best, once."""
     rows = np.array([curve.rows[blocks.run[block, 0]] for curve, block in zip(problem.curves, chain, strict=True)])
     if tuple(rows.tolist()) not in known.tried:
         known.tried.add(tuple(rows.tolist()))
-        found = polished(problem.costs, rows, gauge, budget=known.best.cost)
-        known.best = min(known.best, found, key=lambda chain: chain.cost)
+        known.best = min(known.best, with_best_turns(problem.costs, rows, gauge), key=lambda chain: chain.cost)
 
 
 def _kept(cells: _Cells, through: FloatArray, cost: float) -> tuple[_Cells, FloatArray]:

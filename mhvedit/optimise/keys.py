@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
-from mhvedit.optimise.branching import best_chain
+from mhvedit.optimise.branching import best_and_rivals
 from mhvedit.optimise.chains import Chain, Start, stage_costs
 from mhvedit.optimise.stages import Stage, common_codes, pose_codes, some_of
 from mhvedit.optimise.thinning import near_best, places_of
@@ -64,9 +64,12 @@ def best_placements(
         near, start = found.rows, found.start
     thin = [some_of(stage, rows) for stage, rows in zip(stages, near, strict=True)]
     costs = stage_costs(thin, facing_weight=facing_weight)
-    chain = best_chain(costs, step=step, n_yaw=n_yaw, start=start)
-    chain = deepest_chain(costs, [stage.merit for stage in thin], chain, n_yaw=n_yaw)
-    chosen = np.array([rows[row] for rows, row in zip(near, chain.chosen, strict=True)])
+    chain, rivals = best_and_rivals(costs, step=step, n_yaw=n_yaw, start=start)
+    chosen = np.array([np.searchsorted(own, row) for own, row in zip(rivals, chain.chosen, strict=True)])
+    few = [some_of(stage, rows) for stage, rows in zip(thin, rivals, strict=True)]
+    costs = stage_costs(few, facing_weight=facing_weight)
+    chain = deepest_chain(costs, [stage.merit for stage in few], replace(chain, chosen=chosen), n_yaw=n_yaw)
+    chosen = np.array([rows[own[row]] for rows, own, row in zip(near, rivals, chain.chosen, strict=True)])
     return _placed(stages, replace(chain, chosen=chosen), equals=1)
 
 

@@ -13,14 +13,13 @@ import numpy as np
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.lookup import rows_in
 from mhvedit.optimise.blocks import BlockMap, KeysAt, block_map, marked
-from mhvedit.optimise.branching import blocks_within
+from mhvedit.optimise.branching import SPARE, blocks_within
 from mhvedit.optimise.chains import StageCosts, Start, chain_from, chain_near, sampled_chain, stage_costs, start_of
 from mhvedit.optimise.stages import THREADS, Stage, pose_codes
 from mhvedit.optimise.ties import TIE
 
 SAMPLED = 20_000  # solutions of a stage among which a chain is looked for
 ENOUGH = 100_000  # solutions of all stages that are not worth thinning
-SPARE = 1e-6  # share of the cost that floating point may lose, and more
 AROUND = 6, 6, 2  # steps of x, y and yaw, within which a chain is improved at a time
 GAUGES_AROUND = -1.0, -0.5, 0.0, 0.5, 1.0  # steps of yaw from its gauge
 MOST_ROUNDS = 20
