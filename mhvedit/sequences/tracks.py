@@ -2,9 +2,10 @@
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from mhvedit.files import replacing
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.sequences.axes import check_axes, from_metres_z_up, to_metres_z_up
 from mhvedit.sequences.meshes import JointTracks
+
+if TYPE_CHECKING:
+    from _csv import Reader
 
 COLUMNS: Final = ("frame", "joint", "x", "y", "z")
 
@@ -36,51 +40,65 @@ def read_tracks(path: Path | str, *, units: str = "m", up: str = "z") -> JointTr
     numbers, names, points = _read(path)
     frames, times = np.unique(numbers, return_inverse=True)
     joints = {joint: j for j, joint in enumerate(dict.fromkeys(names))}
+    columns = np.array([joints[name] for name in names])
+    if len(np.unique(times * len(joints) + columns)) < len(names):
+        raise _first_fault(path)
     positions = np.full((len(frames), len(joints), 3), np.nan)
-    positions[times, [joints[name] for name in names]] = to_metres_z_up(points, units=units, up=up)
+    positions[times, columns] = to_metres_z_up(points, units=units, up=up)
     return JointTracks(frames, tuple(joints), positions)
 
 
 def _read(path: Path) -> tuple[IntArray, list[str], FloatArray]:
     """(N,) frame and (N,) joint of every line, and its (N, 3) position as written."""
+    cells: list[str] = []  # and no object for every line, for the collector to look through
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
+        with _lines(path) as reader:
             where = _columns(path, next(reader, []))
-            numbered = [(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise CaptureError(path, "a readable CSV file", f"{type(error).__name__}: {error}") from error
-    rows = {line: row for line, row in numbered if any(map(str.strip, row))}
-    if not rows:
+            for row in reader:
+                if any(map(str.strip, row)):
+                    cells.extend([row[i] for i in where])
+    except IndexError:
+        raise _first_fault(path) from None
+    if not cells:
         raise CaptureError(path, "at least one row", "none")
+    frames, names, *points = (cells[i :: len(where)] for i in range(len(where)))
     try:
-        frames, names, *points = ([row[i] for row in rows.values()] for i in where)
         numbers = np.array([int(frame) for frame in frames], np.int64)
         joints = [name.strip() for name in names]
         positions = np.array([[float(number) for number in axis] for axis in points]).T
-    except (IndexError, ValueError, OverflowError):
-        raise _first_fault(path, rows, where) from None
-    if not all(joints) or not np.isfinite(positions).all() or _repeats(numbers, joints):
-        raise _first_fault(path, rows, where)
+    except (ValueError, OverflowError):
+        raise _first_fault(path) from None
+    if not all(joints) or not np.isfinite(positions).all():
+        raise _first_fault(path)
     return numbers, joints, positions
 
 
-def _repeats(numbers: IntArray, joints: list[str]) -> bool:
-    return len(set(zip(numbers.tolist(), joints, strict=True))) < len(joints)
+@contextmanager
+def _lines(path: Path) -> Iterator["Reader"]:
+    """The lines of a file, split."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            yield csv.reader(file)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise CaptureError(path, "a readable CSV file", f"{type(error).__name__}: {error}") from error
 
 
-def _first_fault(path: Path, rows: Mapping[int, list[str]], where: tuple[int, ...]) -> CaptureError:
-    """What to say of lines that cannot all be read."""
+def _first_fault(path: Path) -> CaptureError:
+    """What to say of a file that cannot be read to its end."""
     seen: set[tuple[int, str]] = set()
-    for line, row in rows.items():
-        at = f"{path}: line {line}"
-        try:
-            frame, joint = _frame_and_joint(at, row, where)
-        except CaptureError as fault:
-            return fault
-        if (frame, joint) in seen:
-            return CaptureError(at, "each joint once a frame", f"{joint} again in frame {frame}")
-        seen.add((frame, joint))
+    with _lines(path) as reader:
+        where = _columns(path, next(reader, []))
+        for row in reader:
+            at = f"{path}: line {reader.line_num}"
+            if not any(map(str.strip, row)):
+                continue
+            try:
+                frame, joint = _frame_and_joint(at, row, where)
+            except CaptureError as fault:
+                return fault
+            if (frame, joint) in seen:
+                return CaptureError(at, "each joint once a frame", f"{joint} again in frame {frame}")
+            seen.add((frame, joint))
     raise AssertionError(f"{path}: no line is at fault")
 
 
