@@ -4,7 +4,7 @@ The solutions of a stage are sorted once along a curve that fills the lattice, o
 run. A block knows the box in which the vectors from A's root to B's root of all its solutions lie.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -13,12 +13,11 @@ from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
 from mhvedit.optimise.chains import StageCosts, vectors
+from mhvedit.search.poses import CellSet
 
 COARSEST = 5  # level of the largest blocks: 32 steps of x and y
 YAW_LEVEL = 2  # levels up to this one hold a single step of yaw
 MAPPED = 3  # level of the blocks of maps
-PIECE = 1 << 15  # solutions whose keys are asked for at a time
-KeysAt = Callable[[IntArray], IntArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +37,7 @@ class Curve:
 class BlockMap:
     """In which blocks of level `MAPPED` there are solutions of one stage."""
 
-    origin: IntArray  # (2,) the least x and y of them, in steps
+    origin: IntArray  # (2,) the least x and y that any may have, in steps
     there: BoolArray  # (X, Y, Yaw)
 
 
@@ -70,37 +69,27 @@ def curve_of(stage: StageCosts) -> Curve:
     )
 
 
-def block_map(keys_at: KeysAt, rows: IntArray) -> BlockMap:
+def block_map(places: CellSet) -> BlockMap:
     """The blocks in which there are solutions.
 
     Args:
-        keys_at: (N, 3) on the pose lattice, of (N,) rows.
-        rows: (N,) those of them that count, at least one.
+        places: of the solutions, at least one.
     """
-    extents = [_extent(keys_at(some)) for some in _pieces(rows)]
-    low, high = np.min([low for low, _ in extents], axis=0), np.max([high for _, high in extents], axis=0)
-    shape = ((high - np.append(low[:2], 0)) >> np.array([MAPPED, MAPPED, MAPPED - YAW_LEVEL])) + 1
-    there = np.zeros(tuple(shape.tolist()), np.bool_)
-    for some in _pieces(rows):
-        _mark(keys_at(some), low[:2], there)
-    return BlockMap(low[:2], there)
+    origin, n_yaw = places.base.min(0), len(places.base)
+    n_x, n_y = ((places.base.max(0) - origin + places.size - 1) >> MAPPED) + 1
+    there = np.zeros((n_x, n_y, ((n_yaw - 1) >> (MAPPED - YAW_LEVEL)) + 1), np.bool_)
+    _mark(places.cells, places.size, places.base - origin, there)
+    return BlockMap(origin, there)
 
 
-def marked(keys_at: KeysAt, rows: IntArray, blocks: BlockMap, flags: BoolArray) -> BoolArray:
+def marked(places: CellSet, flags: BoolArray) -> BoolArray:
     """(N,) which solutions are in flagged blocks.
 
     Args:
-        keys_at: as for `block_map`.
-        rows: (N,) those of them that are asked for.
-        blocks: made of them.
-        flags: (X, Y, Yaw) as in `BlockMap`.
+        places: of the solutions.
+        flags: (X, Y, Yaw) as in the `BlockMap` of these.
     """
-    return np.concatenate([_looked_up(keys_at(some), blocks.origin, flags) for some in _pieces(rows)])
-
-
-def _pieces(rows: IntArray) -> list[IntArray]:
-    """So few rows at a time that their keys stay near the processor."""
-    return np.split(rows, np.arange(PIECE, len(rows), PIECE))
+    return np.asarray(_looked_up(places.cells, places.size, places.base - places.base.min(0), flags))
 
 
 def curve_of_map(blocks: BlockMap, stage: StageCosts, *, step: float, n_yaw: int) -> Curve:
@@ -182,31 +171,38 @@ def _bits(level: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _extent(keys: IntArray) -> tuple[IntArray, IntArray]:
-    """The smallest and the largest of (N, 3)."""
-    low, high = keys[0].copy(), keys[0].copy()
-    for n in range(keys.shape[0]):
-        for axis in range(3):
-            low[axis], high[axis] = min(low[axis], keys[n, axis]), max(high[axis], keys[n, axis])
-    return low, high
+def _mark(cells: IntArray, size: int, base: IntArray, out: BoolArray) -> None:
+    """Flag the blocks that some cells are in; `base` from the origin of the blocks on."""
+    start, stop, i, j = 0, 0, 0, 0
+    for n in range(cells.shape[0]):
+        cell = np.int64(cells[n])
+        if cell >= stop:  # cells ascend, and most are in one row with the one before
+            start, i, j = _row_of(cell, size, base)
+            stop = start + base.shape[0]
+        k = cell - start
+        out[(base[k, 0] + i) >> MAPPED, (base[k, 1] + j) >> MAPPED, k >> (MAPPED - YAW_LEVEL)] = True
 
 
 @njit(cache=True, nogil=True)
-def _mark(keys: IntArray, origin: IntArray, out: BoolArray) -> None:
-    """Flag the blocks that some solutions are in."""
-    for n in range(keys.shape[0]):
-        x, y = (keys[n, 0] - origin[0]) >> MAPPED, (keys[n, 1] - origin[1]) >> MAPPED
-        out[x, y, keys[n, 2] >> (MAPPED - YAW_LEVEL)] = True
-
-
-@njit(cache=True, nogil=True)
-def _looked_up(keys: IntArray, origin: IntArray, flags: BoolArray) -> BoolArray:
-    """The flag of the block that each solution is in."""
-    out = np.empty(keys.shape[0], np.bool_)
-    for n in range(keys.shape[0]):
-        x, y = (keys[n, 0] - origin[0]) >> MAPPED, (keys[n, 1] - origin[1]) >> MAPPED
-        out[n] = flags[x, y, keys[n, 2] >> (MAPPED - YAW_LEVEL)]
+def _looked_up(cells: IntArray, size: int, base: IntArray, flags: BoolArray) -> BoolArray:
+    """The flag of the block that each cell is in; as `_mark`."""
+    out = np.empty(cells.shape[0], np.bool_)
+    start, stop, i, j = 0, 0, 0, 0
+    for n in range(cells.shape[0]):
+        cell = np.int64(cells[n])
+        if cell >= stop:
+            start, i, j = _row_of(cell, size, base)
+            stop = start + base.shape[0]
+        k = cell - start
+        out[n] = flags[(base[k, 0] + i) >> MAPPED, (base[k, 1] + j) >> MAPPED, k >> (MAPPED - YAW_LEVEL)]
     return out
+
+
+@njit(cache=True, nogil=True)
+def _row_of(cell: int, size: int, base: IntArray) -> tuple[int, int, int]:
+    """The first cell of the row of yaws that a cell is in, and the row's x and y in the grid."""
+    row = cell // base.shape[0]
+    return row * base.shape[0], row // size, row % size
 
 
 @njit(cache=True, nogil=True)

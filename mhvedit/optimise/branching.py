@@ -27,7 +27,8 @@ from mhvedit.optimise.blocks import (
     smaller_blocks,
 )
 from mhvedit.optimise.bounds import Links, bound_branches, loss_of, play_of, split_cells
-from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, first_chain, steps_of, with_best_turns
+from mhvedit.optimise.chains import Chain, StageCosts, Start, chain_from, steps_of, with_best_turns
+from mhvedit.optimise.sampling import first_chain
 from mhvedit.optimise.ties import TIE
 
 EXACT = 1e-9  # relative gap at which refinement stops

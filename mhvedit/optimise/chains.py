@@ -2,18 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from mhvedit.geometry.arrays import BoolArray, ComplexArray, FloatArray, Int32Array, IntArray
-from mhvedit.geometry.planar import wrap_angle
 from mhvedit.optimise.stages import Stage
 from mhvedit.optimise.steps import cheapest_step, exactly
 
-SAMPLE = 200  # solutions a stage when looking for a first chain
-GAUGES = 45  # tried for it
-NEAR = 0.0, float(np.radians(8))  # yaw against the gauge of solutions that it may use, where there are any
 MOST_POLISHES = 20
 MOST_STEPS = 200  # of Newton's method
 LEAST_DAMPING = 1e-6  # m^2, of its steps
@@ -242,38 +237,16 @@ def cheapest_chain(
     return np.array(states[::-1]), float(value[state])
 
 
-def first_chain(stages: Sequence[StageCosts]) -> Chain:
-    """A good chain to start from."""
-    sampled = sampled_chain(stages)
-    return polished(stages, sampled.chosen, sampled.gauge)
-
-
-def sampled_chain(stages: Sequence[StageCosts]) -> Chain:
-    """A chain from gauges all around, and at each a sample of the solutions that fit it best."""
-    yaws, found = yaws_of(stages[0]), []
-    for gauge, near in product(yaws[:: -(-len(yaws) // GAUGES)].tolist(), NEAR):
-        chosen, cost = _facing_best(stages, [_sample(stage, gauge, near) for stage in stages], gauge)
-        found.append((cost, gauge, chosen.tolist()))
-    _, gauge, chosen = min(found)
-    return with_best_turns(stages, np.array(chosen), gauge)
-
-
 def chain_near(stages: Sequence[StageCosts], gauge: float) -> Chain:
-    """The cheapest chain at a gauge if everybody turns so as to face best; then improved.
+    """The cheapest chain at a gauge if everybody turns so as to face best; then turned best.
 
     Args:
         stages: in order, of few solutions.
         gauge: rad.
     """
-    chosen, _ = _facing_best(stages, [np.arange(len(stage.yaws)) for stage in stages], gauge)
-    return polished(stages, chosen, gauge)
-
-
-def _facing_best(stages: Sequence[StageCosts], rows: Sequence[IntArray], gauge: float) -> tuple[IntArray, float]:
-    """(G,) which of some solutions cost least with the turns at which they face best, and what."""
-    turns = [cheapest_turn(stage, stage.yaws[own] - gauge) for stage, own in zip(stages, rows, strict=True)]
-    states, cost = _best_of(stages, rows, turns, gauge, np.inf)
-    return np.array([own[i] for own, i in zip(rows, states, strict=True)]), cost
+    rows = [np.arange(len(stage.yaws)) for stage in stages]
+    turns = [cheapest_turn(stage, stage.yaws - gauge) for stage in stages]
+    return with_best_turns(stages, _best_of(stages, rows, turns, gauge, np.inf)[0], gauge)
 
 
 def start_of(stages: Sequence[StageCosts], chain: Chain) -> Start:
@@ -360,13 +333,6 @@ def _affordable(stage: StageCosts, turn: float, gauge: float, budget: float) -> 
     mismatch = yaws_of(stage) - gauge
     every = facing_cost(stage, mismatch, np.full(len(mismatch), turn))
     return rows_of_yaws(stage, every <= budget)
-
-
-def _sample(stage: StageCosts, gauge: float, near: float) -> IntArray:
-    """Some of the solutions whose yaw is near the gauge, or nearest to it."""
-    away = np.abs(wrap_angle(yaws_of(stage) - gauge))
-    rows = rows_of_yaws(stage, away <= max(near, float(away.min())))
-    return rows[:: -(-len(rows) // SAMPLE)]
 
 
 def yaws_of(stage: StageCosts) -> FloatArray:

@@ -1,13 +1,12 @@
 """From solution groups to one scene: the best chain, the time line, and the way between the key segments."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
-from mhvedit.geometry.lookup import rows_in
 from mhvedit.geometry.planar import compose, invert, rotation, wrap_angle
 from mhvedit.optimise.chains import Start
 from mhvedit.optimise.company import CompanyPlacements, place_company
@@ -208,7 +207,8 @@ def _near_rows(
         shared = shared_rows([solved[i] for i in run], [rows[i] for i in run]) if len(run) > 1 else [rows[run[0]]]
         if shared is None or not len(shared[0]):
             return None, None
-        joined.append(shared)
+        order = np.argsort(shared[0]) if len(run) > 1 else slice(None)  # those of one segment are in order
+        joined.append([own[order] for own in shared])
     places = [_places([solved[i] for i in run], shared[0]) for run, shared in zip(runs, joined, strict=True)]
     search = scene.search
     near = near_best(places, facing_weight=scene.optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
@@ -216,17 +216,12 @@ def _near_rows(
 
 
 def _places(run: Sequence[SolvedSegment], rows: IntArray) -> Places:
-    """Where some solutions are that adjoining segments share."""
-    roots = [(segment.grid.root_a, segment.grid.root_b) for segment in run]
-    a, b = np.array([a for a, _ in roots]), np.array([b for _, b in roots])
-    order = np.argsort(rows) if len(run) > 1 else None  # those of one segment are in order
-    ascending = rows if order is None else rows[order]
-
-    def rows_at(keys: IntArray) -> IntArray:
-        at = rows_in(ascending, run[0].rows_at(keys))
-        return at if order is None else np.where(at >= 0, order[at], -1)
-
-    return Places(len(rows), lambda some: run[0].keys(rows[some]), rows_at, a, b)
+    """Where some solutions are that adjoining segments share; rows of the first one, ascending."""
+    places = run[0].places
+    if len(rows) < len(places):
+        places = replace(places, cells=places.cells[rows])
+    grids = [segment.grid for segment in run]
+    return Places(places, np.array([grid.root_a for grid in grids]), np.array([grid.root_b for grid in grids]))
 
 
 def _subject_edit(

@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
-from mhvedit.geometry.lookup import rows_in
 from mhvedit.pipeline.people import Person
 from mhvedit.pipeline.stages import Pair, Progress, Stages, found_by, grid_of, group_of, segment_stages, volumes_of
 from mhvedit.pipeline.store import Arrays, Store, entry_name
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.groups import SolutionGroup, described
-from mhvedit.search.poses import PoseGrid, lattice_pose
+from mhvedit.search.poses import CellSet, PoseGrid
 from mhvedit.search.solve import ACCEPTED, BASE_REASONS, ReasonMap
 from mhvedit.sequences.segments import SegmentPair
 
@@ -70,6 +68,11 @@ class SolvedSegment:
         return np.asarray(self._columns("cells")["cells"])
 
     @property
+    def places(self) -> CellSet:
+        """Where each solution is."""
+        return CellSet(self.cells, self.grid.size, self.grid.base)
+
+    @property
     def region(self) -> Int32Array:
         """(S,) as in `SolutionGroup`."""
         return np.asarray(self._columns("region")["region"])
@@ -103,15 +106,7 @@ class SolvedSegment:
         Args:
             keys: (N, 3) as in `SolutionGroup`.
         """
-        found = np.full(len(keys), -1)
-        if self.n_solutions == 0:
-            return found
-        size, n_yaw = self.grid.size, self.grid.n_yaw
-        place = keys[:, :2] - self.grid.base[keys[:, 2]]
-        inside = np.flatnonzero(((place >= 0) & (place < size)).all(1))
-        flat = (place[inside, 0] * size + place[inside, 1]) * n_yaw + keys[inside, 2]
-        found[inside] = rows_in(self.cells, flat.astype(self.cells.dtype))
-        return found
+        return self.places.rows_at(keys)
 
     def merit(self, rows: IntArray) -> FloatArray:
         """(N,) m: clearance less what the contact's quality speaks against each solution.
@@ -128,7 +123,7 @@ class SolvedSegment:
         Args:
             rows: (N,) of the group.
         """
-        return np.asarray(_lattice_keys(self.cells, rows, self.grid.size, self.grid.base))
+        return self.places.keys(rows)
 
     def volumes(self) -> Pair:
         """Both subjects' volumes."""
@@ -165,13 +160,3 @@ def solve_segment(
     told = group_of(stages, grid, *SUMMARY, *COLUMNS, progress=progress, made=made.append)  # damage is found here
     counts = dict(zip(told["reasons"].tolist(), told["counts"].tolist(), strict=True))
     return SolvedSegment(spec, grid, counts, int(told["n_regions"]), stages, made[0] if made else None)
-
-
-@njit(cache=True, nogil=True)
-def _lattice_keys(cells: IntArray, rows: IntArray, size: int, base: IntArray) -> IntArray:
-    """(N, 3) lattice poses of the cells of some rows."""
-    keys = np.empty((rows.shape[0], 3), np.int64)
-    for n in range(rows.shape[0]):
-        i, j, k = lattice_pose(cells[rows[n]], size, base)
-        keys[n, 0], keys[n, 1], keys[n, 2] = i, j, k
-    return keys

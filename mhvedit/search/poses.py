@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.lookup import rows_in
 from mhvedit.geometry.planar import rotation
 
 
@@ -86,6 +87,66 @@ def lattice_pose(cell: int, size: int, base: IntArray) -> tuple[int, int, int]:
     """Steps of x and y, and of yaw, of a cell of the flattened grid (`size` and `base` as in `PoseGrid`)."""
     row, k = divmod(np.int64(cell), base.shape[0])
     return base[k, 0] + row // size, base[k, 1] + row % size, k
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellSet:
+    """Some cells of a grid, and the lattice poses that they are."""
+
+    cells: IntArray | Int32Array  # (N,) of the flattened grid, ascending
+    size: int
+    base: IntArray  # (n_yaw, 2); both as in `PoseGrid`
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def keys(self, rows: IntArray) -> IntArray:
+        """(N, 3) lattice poses.
+
+        Args:
+            rows: (N,) of the cells.
+        """
+        return np.asarray(_lattice_keys(self.cells, rows, self.size, self.base))
+
+    def rows_at(self, keys: IntArray) -> IntArray:
+        """Rows of lattice poses, -1 for those that are not there.
+
+        Args:
+            keys: (N, 3) steps of x, y and yaw.
+        """
+        found = np.full(len(keys), -1)
+        if len(self) == 0:
+            return found
+        n_yaw = len(self.base)
+        known = np.flatnonzero(keys[:, 2] < n_yaw)
+        place = keys[known, :2] - self.base[keys[known, 2]]
+        within = ((place >= 0) & (place < self.size)).all(1)
+        known, place = known[within], place[within]
+        flat = (place[:, 0] * self.size + place[:, 1]) * n_yaw + keys[known, 2]
+        found[known] = rows_in(self.cells, flat.astype(self.cells.dtype))
+        return found
+
+
+def cells_of_keys(keys: IntArray) -> CellSet:
+    """Lattice poses as cells of the smallest grid that has them.
+
+    Args:
+        keys: (N, 3) steps of x, y and yaw, ascending, at least one.
+    """
+    low, high = keys.min(0), keys.max(0)
+    size, n_yaw = int((high - low)[:2].max()) + 1, int(high[2]) + 1
+    place = keys[:, :2] - low[:2]
+    return CellSet((place[:, 0] * size + place[:, 1]) * n_yaw + keys[:, 2], size, np.tile(low[:2], (n_yaw, 1)))
+
+
+@njit(cache=True, nogil=True)
+def _lattice_keys(cells: IntArray, rows: IntArray, size: int, base: IntArray) -> IntArray:
+    """(N, 3) lattice poses of the cells of some rows."""
+    keys = np.empty((rows.shape[0], 3), np.int64)
+    for n in range(rows.shape[0]):
+        i, j, k = lattice_pose(cells[rows[n]], size, base)
+        keys[n, 0], keys[n, 1], keys[n, 2] = i, j, k
+    return keys
 
 
 def pose_grid(

@@ -1,5 +1,3 @@
-from unittest import mock
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +11,7 @@ from mhvedit.optimise.keys import best_placements
 from mhvedit.optimise.stages import Stage, some_of
 from mhvedit.optimise.thinning import near_best, places_of
 from mhvedit.optimise.ties import deepest_chain
+from mhvedit.search.poses import cells_of_keys
 from tests.optimise.problems import N_YAW, problem, some_keys
 
 WEIGHT, STEP = 0.5, 0.01  # m^2, m
@@ -86,15 +85,14 @@ def some_lattice_keys(seed: int) -> IntArray:
 def test_blocks_are_there_where_solutions_are(seed: int) -> None:
     keys, rng = some_lattice_keys(seed), np.random.default_rng(seed)
     rows = np.sort(rng.permutation(len(keys))[: 1 + len(keys) // 2])
-    with mock.patch("mhvedit.optimise.blocks.PIECE", 7):
-        found = block_map(keys.__getitem__, rows)
-    places = {tuple(own) for own in ((keys[rows] - [*keys[rows, :2].min(0), 0]) >> sides()).tolist()}
+    cells = cells_of_keys(keys[rows])
+    found = block_map(cells)
+    assert found.origin.tolist() == keys[rows, :2].min(0).tolist()
+    places = {tuple(own) for own in ((keys[rows] - [*found.origin, 0]) >> sides()).tolist()}
     assert {tuple(own) for own in np.argwhere(found.there).tolist()} == places
     flags = found.there & (rng.random(found.there.shape) < 0.5)
     there = (keys[rows] - [*found.origin, 0]) >> sides()
-    with mock.patch("mhvedit.optimise.blocks.PIECE", 11):
-        there_too = marked(keys.__getitem__, rows, found, flags).tolist()
-    assert there_too == flags[tuple(there.T)].tolist()
+    assert marked(cells, flags).tolist() == flags[tuple(there.T)].tolist()
 
 
 @settings(max_examples=20)
@@ -104,7 +102,7 @@ def test_a_block_holds_the_vectors_and_yaws_of_its_solutions(seed: int) -> None:
     poses = np.column_stack([keys[:, :2] * STEP, keys[:, 2] * 2 * np.pi / N_YAW])
     stage = Stage(("", ""), keys, poses, np.zeros(len(keys)), rng.normal(0, 1, (2, 2)), rng.normal(0, 1, (2, 2)))
     (costs,) = stage_costs([stage], facing_weight=1.0)
-    blocks = block_map(keys.__getitem__, np.arange(len(keys)))
+    blocks = block_map(cells_of_keys(keys))
     curve = curve_of_map(blocks, costs, step=STEP, n_yaw=N_YAW)
     assert (np.diff(curve.codes) > 0).all() and sorted(curve.rows) == np.flatnonzero(blocks.there).tolist()
     place = np.empty(blocks.there.size, np.int64)

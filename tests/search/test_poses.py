@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mhvedit.geometry.planar import apply_pose
-from mhvedit.search.poses import pose_grid
+from mhvedit.search.poses import CellSet, cells_of_keys, pose_grid
 from tests import oracles
 
 SMALL = st.floats(-0.5, 0.5)
@@ -51,3 +51,24 @@ def test_the_paper_samples_10_mm_and_2_degrees() -> None:
     grid = pose_grid(np.zeros(2), np.zeros(2), pitch=0.01, stride=1, n_yaw=180, window=4.0)
     assert grid.inside(0).sum() == 401**2
     np.testing.assert_allclose(np.rad2deg(np.diff(grid.yaws)), 2)
+
+
+@given(seed=st.integers(0, 10**6), n_yaw=st.integers(1, 7))
+@settings(max_examples=40, derandomize=True)
+def test_cells_and_lattice_poses_find_each_other(seed: int, n_yaw: int) -> None:
+    rng = np.random.default_rng(seed)
+    grid = pose_grid(*rng.uniform(-1, 1, (2, 2)), pitch=0.05, stride=1, n_yaw=n_yaw, window=0.4)
+    cells = np.flatnonzero(rng.random(grid.size**2 * n_yaw) < rng.choice([0.02, 0.5]))
+    narrow = cells.astype(np.int32) if seed % 2 else cells
+    places = CellSet(narrow, grid.size, grid.base)
+    i, j, k = np.unravel_index(cells, (grid.size, grid.size, n_yaw))
+    keys = np.column_stack([grid.base[k] + np.column_stack([i, j]), k]).reshape(-1, 3)
+    rows = rng.permutation(len(cells))
+    assert places.keys(rows).tolist() == keys[rows].tolist()
+    assert places.rows_at(keys[rows]).tolist() == rows.tolist()
+    for away in ((50, 0, 0), (0, -50, 0), (0, 0, n_yaw)):
+        assert (places.rows_at(keys + np.array(away)) == -1).all()
+    if len(keys):
+        ordered = keys[np.lexsort(keys.T[::-1])]
+        same = cells_of_keys(ordered)
+        assert (np.diff(same.cells) > 0).all() and same.keys(np.arange(len(keys))).tolist() == ordered.tolist()
