@@ -1,8 +1,8 @@
 """Exact distances, inside a set of cells, to what is not in the set; the last axis is a circle.
 
 Squares of distances are made one axis at a time, run by run of cells along the last axis. Only rows along that axis
-that hold any cell of the set are kept; of all others every cell is outside. A run looks at the rows beside it for as
-long as they can still be nearer.
+that hold any cell of the set are kept; of all others every cell is outside. A run looks at the rows beside it, further
+and further away, with what is left of it once its ends know that no row further away can be nearer.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -82,13 +82,13 @@ def _along_rows(
             line = squared[rows[x, y]]
             line[:] = plane[y]
             for run in range(starts[x * n_y + y], starts[x * n_y + y + 1]):
-                low, high = runs[run, 0], runs[run, 1]
-                away, further = 1, True
-                while further:
+                low, high, away = runs[run, 0], runs[run, 1], 1
+                while low < high:
                     one = plane[y - away] if y >= away and rows[x, y - away] >= 0 else empty
                     other = plane[y + away] if y + away < n_y and rows[x, y + away] >= 0 else empty
-                    further = _lower(line[low:high], one[low:high], other[low:high], away, spacing[1])
+                    _lower(line[low:high], one[low:high], other[low:high], (away * spacing[1]) ** 2)
                     away += 1
+                    low, high = _left(line, low, high, (away * spacing[1]) ** 2)
 
 
 @njit(cache=True, nogil=True)
@@ -110,15 +110,16 @@ def _across_rows(
     for y in share:
         for x in range(n_x):
             for run in range(starts[x * n_y + y], starts[x * n_y + y + 1]):
-                low, high = runs[run, 0], runs[run, 1]
-                line = out[cells[run] : cells[run + 1]]
-                line[:] = squared[rows[x, y], low:high]
-                away, further = 1, True
-                while further:
+                first, line = runs[run, 0], out[cells[run] : cells[run + 1]]
+                line[:] = squared[rows[x, y], first : runs[run, 1]]
+                low, high, away = 0, line.shape[0], 1
+                while low < high:
                     one = squared[rows[x - away, y]] if x >= away and rows[x - away, y] >= 0 else empty
                     other = squared[rows[x + away, y]] if x + away < n_x and rows[x + away, y] >= 0 else empty
-                    further = _lower(line, one[low:high], other[low:high], away, spacing)
+                    start, stop = first + low, first + high
+                    _lower(line[low:high], one[start:stop], other[start:stop], (away * spacing) ** 2)
                     away += 1
+                    low, high = _left(line, low, high, (away * spacing) ** 2)
                 for z in range(len(line)):
                     line[z] = np.sqrt(line[z])
 
@@ -141,15 +142,19 @@ def _along_circle(runs: IntArray, spacing: float, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _lower(line: FloatArray, one: FloatArray, other: FloatArray, away: int, spacing: float) -> bool:
-    """Lower squared distances to those by way of two rows that are so many steps away; False where no row further
-    away can be nearer.
-    """
-    offset, beyond = (away * spacing) ** 2, ((away + 1) * spacing) ** 2
-    left = 0
+def _lower(line: FloatArray, one: FloatArray, other: FloatArray, offset: float) -> None:
+    """Lower squared distances to those by way of two rows, which are further by an offset."""
     for z in range(line.shape[0]):
         nearer = one[z] if one[z] < other[z] else other[z]
         nearer += offset
         line[z] = nearer if nearer < line[z] else line[z]
-        left += line[z] > beyond
-    return left > 0
+
+
+@njit(cache=True, nogil=True)
+def _left(line: FloatArray, low: int, high: int, beyond: float) -> tuple[int, int]:
+    """What is left of a stretch of squared distances without those at its ends that are not above `beyond`."""
+    while low < high and line[low] <= beyond:
+        low += 1
+    while low < high and line[high - 1] <= beyond:
+        high -= 1
+    return low, high
