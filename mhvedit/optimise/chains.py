@@ -255,34 +255,32 @@ def start_of(stages: Sequence[StageCosts], chain: Chain) -> Start:
 
 
 def chain_from(stages: Sequence[StageCosts], start: Start) -> Chain:
-    """A chain that is there, improved.
+    """A chain that is there, turned best.
 
     Args:
         stages: in order; its solutions are among theirs.
         start: see there.
     """
     rows = [np.flatnonzero((s.keys == key).all(1))[0] for s, key in zip(stages, start.keys, strict=True)]
-    return polished(stages, np.array(rows), start.gauge)
+    return with_best_turns(stages, np.array(rows), start.gauge)
 
 
-def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float, *, budget: float = np.inf) -> Chain:
+def polished(stages: Sequence[StageCosts], chosen: IntArray, gauge: float) -> Chain:
     """Improve a chain: turns and gauge continuously, solutions by an exact pass over all, until nothing improves.
 
     Args:
         stages: in order.
         chosen: (G,) row of each.
         gauge: to start from, rad.
-        budget: m^2; what costs as much is no improvement.
     """
     best = with_best_turns(stages, chosen, gauge)
     for _ in range(MOST_POLISHES):
-        allowed = min(best.cost, budget)
-        rows = [_affordable(s, t, best.gauge, allowed) for s, t in zip(stages, best.turns, strict=True)]
+        rows = [_affordable(s, t, best.gauge, best.cost) for s, t in zip(stages, best.turns, strict=True)]
         if not all(map(len, rows)):
             return best
         turns = [np.full(len(r), t) for r, t in zip(rows, best.turns, strict=True)]
-        states, cost = _best_of(stages, rows, turns, best.gauge, allowed)
-        if cost >= allowed * (1 - 1e-9):
+        states, cost = _best_of(stages, rows, turns, best.gauge, best.cost)
+        if cost >= best.cost * (1 - 1e-9):
             return best
         better = with_best_turns(stages, np.array([r[i] for r, i in zip(rows, states, strict=True)]), best.gauge)
         if better.cost >= best.cost * (1 - 1e-9):

@@ -21,7 +21,7 @@ def arranged(
     scene: SceneFile,
     people: Mapping[str, Person],
     solved: Sequence[SolvedSegment],
-    rows: Sequence[IntArray],
+    rows: Sequence[IntArray | None],
     *,
     fps: float,
     props: Mapping[str, Prop],
@@ -35,7 +35,7 @@ def arranged(
         scene: the scene file.
         people: by name.
         solved: key segments, in order.
-        rows: (N,) of each segment, the solutions to choose from.
+        rows: (N,) of each segment, the solutions to choose from; None for all.
         fps: of the scene.
         props: by name.
         store: where shells are kept between runs.

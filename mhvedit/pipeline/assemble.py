@@ -82,7 +82,7 @@ def assemble(
     solved: Sequence[SolvedSegment],
     *,
     fps: float,
-    rows: Sequence[IntArray] | None = None,
+    rows: Sequence[IntArray | None] | None = None,
 ) -> Assembly:
     """Choose the best placements and carry everyone along them.
 
@@ -91,13 +91,13 @@ def assemble(
         people: by name.
         solved: key segments, in order.
         fps: of the scene.
-        rows: (N,) of each segment, the solutions to choose from; None for all.
+        rows: (N,) of each segment, the solutions to choose from; None for all, of one or of every segment.
 
     Raises:
         NoSolution: a segment has no solution, or adjoining ones have none in common.
     """
     line = lay_out(scene, people, fps)
-    left = [np.arange(segment.n_solutions) for segment in solved] if rows is None else list(rows)
+    left: list[IntArray | None] = [None] * len(solved) if rows is None else list(rows)
     pairs, start = by_pair(solved), None
     for own in pairs:
         shared = shared_rows([solved[i] for i in own], [left[i] for i in own])
@@ -142,26 +142,30 @@ def by_pair(solved: Sequence[SolvedSegment]) -> list[list[int]]:
     return list(pairs.values())
 
 
-def shared_rows(solved: Sequence[SolvedSegment], rows: Sequence[IntArray]) -> list[IntArray] | None:
+def shared_rows(solved: Sequence[SolvedSegment], rows: Sequence[IntArray | None]) -> list[IntArray] | None:
     """The solutions that all segments share. A chain of these costs nothing, so no others need to be looked at.
 
     Args:
         solved: key segments.
-        rows: (N,) of each segment, ascending, the solutions to choose from.
+        rows: (N,) of each segment, ascending, the solutions to choose from; None for all.
 
     Returns:
         Rows of each segment, one pose a row; None where the segments share none.
     """
-    order = sorted(range(len(solved)), key=lambda index: len(rows[index]))
-    keys = solved[order[0]].keys(rows[order[0]])
-    for index in order[1:]:
-        at = solved[index].rows_at(keys)
-        keys = (
-            keys[(at >= 0) & np.isin(at, rows[index])]
-            if len(rows[index]) < solved[index].n_solutions
-            else keys[at >= 0]
-        )
+    least, *others = sorted(zip(solved, rows, strict=True), key=lambda own: _count(*own))
+    keys = least[0].keys(_listed(*least))
+    for segment, some in others:
+        at = segment.rows_at(keys)
+        keys = keys[at >= 0] if some is None else keys[(at >= 0) & np.isin(at, some)]
     return [segment.rows_at(keys) for segment in solved] if len(keys) else None
+
+
+def _count(segment: SolvedSegment, rows: IntArray | None) -> int:
+    return segment.n_solutions if rows is None else len(rows)
+
+
+def _listed(segment: SolvedSegment, rows: IntArray | None) -> IntArray:
+    return np.arange(segment.n_solutions) if rows is None else rows
 
 
 def _key_segment(segment: SolvedSegment, rows: IntArray) -> KeySegment:
@@ -170,13 +174,13 @@ def _key_segment(segment: SolvedSegment, rows: IntArray) -> KeySegment:
 
 
 def _stages(
-    solved: Sequence[SolvedSegment], rows: Sequence[IntArray], line: TimeLine
+    solved: Sequence[SolvedSegment], rows: Sequence[IntArray | None], line: TimeLine
 ) -> tuple[list[tuple[int, ...]], list[Stage]]:
     """Segments of one pair that adjoin as stages: the indices of each one's segments, and what these have in common."""
     runs: list[tuple[int, ...]] = []
     stages: list[Stage] = []
     for own in by_pair(solved):
-        keys = [_key_segment(solved[i], rows[i]) for i in own]
+        keys = [_key_segment(solved[i], _listed(solved[i], rows[i])) for i in own]
         adjoins = _adjoins(line, own)
         runs += _joined(line, own)
         stages += stages_of(keys, adjoins)
@@ -196,29 +200,35 @@ def _joined(line: TimeLine, own: Sequence[int]) -> list[tuple[int, ...]]:
 
 
 def _near_rows(
-    scene: SceneFile, solved: Sequence[SolvedSegment], rows: Sequence[IntArray], runs: Sequence[tuple[int, ...]]
+    scene: SceneFile, solved: Sequence[SolvedSegment], rows: Sequence[IntArray | None], runs: Sequence[tuple[int, ...]]
 ) -> tuple[list[IntArray] | None, Start | None]:
     """The solutions of each segment of a pair that the best chain can be made of, None where there is no chain.
 
     And a good chain, where not all of them are left.
     """
-    joined: list[list[IntArray]] = []
+    joined: list[list[IntArray | None]] = []
     for run in runs:
-        shared = shared_rows([solved[i] for i in run], [rows[i] for i in run]) if len(run) > 1 else [rows[run[0]]]
-        if shared is None or not len(shared[0]):
+        if len(run) == 1:
+            joined.append([rows[run[0]]])
+            continue
+        shared = shared_rows([solved[i] for i in run], [rows[i] for i in run])
+        if shared is None:
             return None, None
-        order = np.argsort(shared[0]) if len(run) > 1 else slice(None)  # those of one segment are in order
+        order = np.argsort(shared[0])
         joined.append([own[order] for own in shared])
     places = [_places([solved[i] for i in run], shared[0]) for run, shared in zip(runs, joined, strict=True)]
+    if not all(map(len, places)):
+        return None, None
     search = scene.search
     near = near_best(places, facing_weight=scene.optimise.facing_weight, step=search.step, n_yaw=search.n_yaw)
-    return [own[some] for shared, some in zip(joined, near.rows, strict=True) for own in shared], near.start
+    pairs = [(own, some) for shared, some in zip(joined, near.rows, strict=True) for own in shared]
+    return [some if own is None else own[some] for own, some in pairs], near.start
 
 
-def _places(run: Sequence[SolvedSegment], rows: IntArray) -> Places:
+def _places(run: Sequence[SolvedSegment], rows: IntArray | None) -> Places:
     """Where some solutions are that adjoining segments share; rows of the first one, ascending."""
     places = run[0].places
-    if len(rows) < len(places):
+    if rows is not None:
         places = replace(places, cells=places.cells[rows])
     grids = [segment.grid for segment in run]
     return Places(places, np.array([grid.root_a for grid in grids]), np.array([grid.root_b for grid in grids]))

@@ -25,7 +25,7 @@ class NothingLeft(NoSolution):
         self.args = (f'"{segment}": {why}',)
 
 
-def rows_left(spec: SegmentSpec, segment: SolvedSegment, people: Mapping[str, Person]) -> IntArray:
+def rows_left(spec: SegmentSpec, segment: SolvedSegment, people: Mapping[str, Person]) -> IntArray | None:
     """The solutions that the editor leaves: the pinned one alone, or all but those that are excluded.
 
     Args:
@@ -34,17 +34,17 @@ def rows_left(spec: SegmentSpec, segment: SolvedSegment, people: Mapping[str, Pe
         people: by name.
 
     Returns:
-        (N,) rows of the solution group.
+        (N,) rows of the solution group; None for all.
 
     Raises:
         NothingLeft: there are solutions, and none of them is left.
     """
-    rows = np.arange(segment.n_solutions)
-    if not len(rows) or (spec.pin is None and not spec.exclude):
-        return rows
+    if segment.n_solutions == 0 or (spec.pin is None and not spec.exclude):
+        return None
     group, grid, frames = segment.group, segment.grid, canonical_frames(segment, people)
     if spec.pin is not None:
         return np.array([_pinned(spec.name, canonical_spot(spec.pin, frames), group, grid)])
+    rows = np.arange(len(group))
     for exclusion in spec.exclude:
         rows = rows[~is_excluded(exclusion, group, grid, frames=frames)[rows]]
     if not len(rows):

@@ -40,25 +40,25 @@ class _Meeting:
 
 def settled_rows(
     solved: Sequence[SolvedSegment],
-    rows: Sequence[IntArray],
+    rows: Sequence[IntArray | None],
     *,
     people: Mapping[str, Person],
     bodies: Mapping[str, Body],
     around: Surroundings,
     pin: str | None,
-) -> tuple[list[IntArray], tuple[str, ...]]:
+) -> tuple[list[IntArray | None], tuple[str, ...]]:
     """Leave of each segment's solutions those in which everybody keeps clear.
 
     Args:
         solved: key segments, in order.
-        rows: (N,) of each, the solutions to choose from.
+        rows: (N,) of each, the solutions to choose from; None for all.
         people: by name.
         bodies: by name.
         around: what the pinned person's group has to keep clear of; others are placed on the stage later.
         pin: who stands as captured, if anybody.
 
     Returns:
-        Rows of each segment, and sentences where no placement was found.
+        Rows of each segment, None for all, and sentences where no placement was found.
     """
     left, said = list(rows), []
     pairs = [(solved[own[0]].spec.between, tuple(own)) for own in by_pair(solved)]
@@ -82,7 +82,7 @@ def settled_rows(
 def _meetings(
     pairs: Sequence[tuple[Pair, tuple[int, ...]]],
     solved: Sequence[SolvedSegment],
-    rows: Sequence[IntArray],
+    rows: Sequence[IntArray | None],
     people: Mapping[str, Person],
     pinned: str | None,
 ) -> list[_Meeting] | None:
