@@ -42,7 +42,8 @@ PARTED_AT, FIRST_PART = 2, 8  # level of blocks, one branch in so many: see `_se
 THREADS = 2
 PORTIONS = 16  # in which the branches are handed to the threads
 ARM = 1.0  # m that a radian of turn or gauge counts for when choosing what to halve
-LOSE_MOST, LOSE_MUCH, LOSE_LITTLE = 1.5, 0.8, 0.15  # of the best cost: see `_views` and `_finer`
+LOSE_MOST, LOSE_MUCH, LOSE_HALF, LOSE_LITTLE = 1.5, 0.8, 0.5, 0.15  # of the best cost: see `_views` and `_finer`
+SMOOTHINGS = 100  # rounds, of forces
 STRAIGHT = 0.05  # of the way that the best cost allows: a path that bends by less
 
 
@@ -347,15 +348,36 @@ def _views(problem: _Problem, blocks: Blocks, level: _Level, best: Chain) -> lis
         held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
         wide = _View(level.half_turn, 0.0 if held else level.half_gauge)
         views.append(wide)
-        forces, half = (
-            steps_of(problem.costs, best),
-            complex(blocks.half.real.max(initial=0.0), blocks.half.imag.max(initial=0.0)),
-        )
-        if play_of(problem.links, forces, half, best.gauge, wide.wide_gauge) < LOSE_MUCH * cost:
+        steps = steps_of(problem.costs, best)
+        half = complex(blocks.half.real.max(initial=0.0), blocks.half.imag.max(initial=0.0))
+        forces = _least_losing(steps, half)
+        off = 0.5 * float((np.abs(forces - steps) ** 2).sum())
+        if off + play_of(problem.links, forces, half, best.gauge, wide.wide_gauge) < LOSE_HALF * cost:
             views.append(replace(wide, forces=forces))
     if lost < LOSE_MOST * cost:
         views.append(_View(0.0, 0.0))
     return views
+
+
+def _least_losing(steps: ComplexArray, half: complex) -> ComplexArray:
+    """The forces with which a bound loses least of a chain, if its blocks are of one size.
+
+    It loses half of the squares of what forces are off the chain's steps, and their play, which grows with the
+    differences of one force and the next: so these are the steps with their total variation reduced, by descent on the
+    dual with momentum (Beck and Teboulle, 2009).
+
+    Args:
+        steps: (G - 1,) m, of the chain.
+        half: m, half of the sides of the blocks.
+    """
+    both, most = np.array([steps.real, steps.imag]), np.array([[half.real], [half.imag]])
+    dual = ahead = np.zeros((2, len(steps) + 1))
+    for n in range(SMOOTHINGS):
+        before = dual
+        dual = np.clip(ahead + 0.25 * np.diff(both + np.diff(ahead), prepend=0.0, append=0.0), -most, most)
+        ahead = dual + n / (n + 3) * (dual - before)
+    smooth = both + np.diff(dual)
+    return np.asarray(smooth[0] + 1j * smooth[1])
 
 
 def _bounded(

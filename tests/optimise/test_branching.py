@@ -6,6 +6,8 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pytest import approx
 
 from mhvedit.geometry.arrays import BoolArray, ComplexArray
@@ -15,6 +17,7 @@ from mhvedit.optimise.branching import (
     NOTHING,
     _bounded,
     _Cells,
+    _least_losing,
     _Level,
     _Problem,
     _problem,
@@ -222,3 +225,20 @@ def test_the_flat_bound_is_good_where_cells_are_small() -> None:
                 lost.append(best.cost - _bounded(task, blocks, cells, level, view, best.cost + 1)[1][0])
     assert all(loss > 0 for loss in lost)
     assert lost[2] > 0.03 * lost[0] and lost[3] < 0.03 * lost[1]
+
+
+@given(st.integers(0, 10**6), st.integers(1, 9), st.sampled_from([0.0, 0.1, 2.0]))
+@settings(max_examples=30, derandomize=True)
+def test_forces_lose_no_more_than_any_that_are_like_them(seed: int, count: int, size: float) -> None:
+    rng = np.random.default_rng(seed)
+    steps, half = some_forces(rng, count), complex(*(size * rng.random(2)))
+
+    def lost(forces: ComplexArray) -> float:
+        change = np.diff(forces, prepend=0.0, append=0.0)
+        play = (np.abs(change.real) * half.real + np.abs(change.imag) * half.imag).sum()
+        return float(0.5 * (np.abs(forces - steps) ** 2).sum() + play)
+
+    found = _least_losing(steps, half)
+    others = [steps, 0 * steps, np.full(count, steps.mean())]
+    others += [found + 0.1 * np.abs(steps).mean() * some_forces(rng, count) for _ in range(20)]
+    assert lost(found) <= min(map(lost, others)) * 1.1 + 1e-15
