@@ -85,7 +85,7 @@ class SolvedSegment:
     @cached_property
     def penalty(self) -> FloatArray:
         """(S,) what the contact's quality speaks against each solution, m."""
-        return np.asarray(self._columns("penalty")["penalty"])
+        return np.broadcast_to(self._columns("penalty")["penalty"], self.n_solutions)
 
     @cached_property
     def group(self) -> SolutionGroup:

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 
 from mhvedit.errors import CaptureError, SceneError
-from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.geometry.runs import byte_counts
 from mhvedit.optimise.quality import contact_penalty
@@ -170,7 +170,8 @@ def group_of(
         stages: of a segment.
         grid: its candidate poses.
         names: of the arrays that are asked for, all if none is named: `cells` (S,) in the flattened grid, ascending;
-            `region`, `clearance`, `penalty` (S,); `n_regions`; `reasons`, `counts`.
+            `region`, `clearance` (S,); `penalty` (S,), or (1,) where all have the same; `n_regions`; `reasons`,
+            `counts`.
         progress: told the share of the search that is done.
         made: given the map, if it had to be made.
     """
@@ -181,7 +182,7 @@ def group_of(
         if made is not None:
             made(found)
         return {
-            "cells": cells.astype(np.int32 if found.reason.size < 2**31 else np.int64),
+            "cells": cells,
             "region": region,
             "clearance": clearance,
             "penalty": _penalties(stages, grid, cells),
@@ -193,11 +194,11 @@ def group_of(
     return stages.store.arrays(stages.of_group, build, names=names)
 
 
-def _penalties(stages: Stages, grid: PoseGrid, cells: IntArray) -> FloatArray:
-    """(S,) what the contact's quality speaks against the poses of cells, m."""
+def _penalties(stages: Stages, grid: PoseGrid, cells: IntArray | Int32Array) -> FloatArray:
+    """(S,) what the contact's quality speaks against the poses of cells, m; (1,) where there is no contact."""
     contact = segment_contact(stages.spec, _centres(stages, 0), _centres(stages, 1), stages.pair.n_frames)
     if contact is None:
-        return np.zeros(len(cells))
+        return np.zeros(1)
     i, j, k = np.unravel_index(cells, (grid.size, grid.size, grid.n_yaw))
     return contact_penalty(contact, grid.poses(np.stack([i, j, k], 1)))
 

@@ -42,7 +42,7 @@ def solution_group(found: ReasonMap, *, facing_a: float, facing_b: float, lever:
     return described(found.grid, cells, region, clearance, facing=(facing_a, facing_b))
 
 
-def located_solutions(found: ReasonMap, *, lever: float) -> tuple[IntArray, Int32Array, FloatArray]:
+def located_solutions(found: ReasonMap, *, lever: float) -> tuple[IntArray | Int32Array, Int32Array, FloatArray]:
     """Where the accepted poses are.
 
     Args:
@@ -56,13 +56,23 @@ def located_solutions(found: ReasonMap, *, lever: float) -> tuple[IntArray, Int3
     runs, starts = runs_along_rows(accepted)
     region = _numbered(runs, _joined(runs, starts, accepted.shape))
     yaw_step = 2 * np.pi / found.grid.n_yaw * lever
-    cells = _cells_of_runs(runs, starts, accepted.shape[2])
+    cells: IntArray | Int32Array
+    if accepted.size < 2**31:
+        cells = np.empty(len(region), np.int32)
+    else:
+        cells = np.empty(len(region), np.int64)
+    _list_cells(runs, starts, accepted.shape[2], cells)
     spacing = (found.grid.step, found.grid.step, yaw_step)
     return cells, region, distance_in_runs(runs, starts, accepted.shape, spacing=spacing)
 
 
 def described(
-    grid: PoseGrid, cells: IntArray, region: Int32Array, clearance: FloatArray, *, facing: tuple[float, float]
+    grid: PoseGrid,
+    cells: IntArray | Int32Array,
+    region: Int32Array,
+    clearance: FloatArray,
+    *,
+    facing: tuple[float, float],
 ) -> SolutionGroup:
     """Solutions as the paper names them.
 
@@ -108,16 +118,14 @@ def clearances(accepted: BoolArray, *, step: float, yaw_step: float) -> FloatArr
 
 
 @njit(cache=True, nogil=True)
-def _cells_of_runs(runs: IntArray, starts: IntArray, n_z: int) -> IntArray:
+def _list_cells(runs: IntArray, starts: IntArray, n_z: int, cells: IntArray) -> None:
     """All cells of all runs in the flattened map, in order."""
-    cells = np.empty((runs[:, 1] - runs[:, 0]).sum(), np.int64)
     at = 0
     for row in range(starts.shape[0] - 1):
         for run in range(starts[row], starts[row + 1]):
             for z in range(runs[run, 0], runs[run, 1]):
                 cells[at] = row * n_z + z
                 at += 1
-    return cells
 
 
 @njit(cache=True, nogil=True)
