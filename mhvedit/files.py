@@ -82,6 +82,26 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any] | Column]) -> Non
                 container.writestr(member, _npy(array), zipfile.ZIP_DEFLATED, LEVEL)
 
 
+def load_npz(path: Path, *names: str, starting: str = "") -> dict[str, NDArray[Any]]:
+    """Arrays of any .npz, whoever wrote it.
+
+    Args:
+        path: of the file.
+        names: of the arrays; all if none is named.
+        starting: what the names of all of them start with, where none is named.
+
+    Raises:
+        KeyError: there is no such array.
+        OSError, ValueError, EOFError, zipfile.BadZipFile: the file is missing, damaged or no .npz.
+    """
+    with ONE_HEADER, path.open("rb") as file:
+        stored = np.load(file, allow_pickle=False)
+        if not isinstance(stored, np.lib.npyio.NpzFile):
+            raise ValueError("one array, and not an .npz")
+        with stored:
+            return {name: stored[name] for name in names or stored.files if name.startswith(starting)}
+
+
 def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
     """Some arrays of a file that `write_arrays` wrote; those that are not compressed are read where they are looked at.
 

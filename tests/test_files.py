@@ -1,5 +1,6 @@
 """Files that are there whole or not at all."""
 
+import io
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from mhvedit.files import ALIGNED, PIECE, Column, map_arrays, read_arrays, replacing, write_arrays
+from mhvedit.files import ALIGNED, PIECE, Column, load_npz, map_arrays, read_arrays, replacing, write_arrays
 from mhvedit.geometry.arrays import FloatArray
 
 KINDS = (np.uint8, np.bool_, np.int32, np.uint64, np.float64)
@@ -121,3 +122,28 @@ def test_what_is_read_as_a_whole_is_aligned_its_own_and_checked(tmp_path: Path) 
     (tmp_path / "a.npz").write_bytes(data)
     with pytest.raises(zipfile.BadZipFile):
         read_arrays(tmp_path / "a.npz")
+
+
+def test_an_npz_of_anybody_is_read_by_names_or_by_how_they_start(tmp_path: Path) -> None:
+    path = tmp_path / "other.npz"
+    arrays: dict[str, Any] = {"a": np.arange(3), "thing x": np.eye(2), "thing y": np.zeros(1)}
+    np.savez_compressed(path, **arrays)
+    assert list(load_npz(path)) == ["a", "thing x", "thing y"]
+    assert list(load_npz(path, "thing y", "a")) == ["thing y", "a"]
+    assert load_npz(path, starting="thing ")["thing x"].tolist() == [[1, 0], [0, 1]]
+    with pytest.raises(KeyError):
+        load_npz(path, "b")
+
+
+def one_array() -> bytes:
+    with io.BytesIO() as file:
+        np.save(file, np.arange(3))
+        return file.getvalue()
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\3\4", b"words", one_array()])
+def test_what_is_no_npz(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "file.npz"
+    path.write_bytes(content)
+    with pytest.raises((ValueError, EOFError, zipfile.BadZipFile)):
+        load_npz(path)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mhvedit.avoidance.methods import touched_frames
 from mhvedit.collision.detect import TOLERANCE, CollisionBody, Depths
 from mhvedit.errors import CaptureError, ShapeError
-from mhvedit.files import write_arrays
+from mhvedit.files import load_npz, write_arrays
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.pipeline.avoid_report import Findings
 from mhvedit.pipeline.store import DAMAGED
@@ -141,8 +141,7 @@ def read_postures(path: Path) -> Postures:
         CaptureError: the file is not there, or damaged.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            return Postures(**{field.name: stored[field.name] for field in fields(Postures)})
+        return Postures(**load_npz(path, *(field.name for field in fields(Postures))))
     except DAMAGED as fault:
         found = "nothing" if not path.exists() else f"damaged: {fault}"
         raise CaptureError(path, "the postures of a motion; `mhvedit avoid` writes them", found) from fault

@@ -18,6 +18,7 @@ from mhvedit.avoidance.methods import Avoided, Problem, touched_frames
 from mhvedit.collision.detect import CollisionBody, collision_body
 from mhvedit.collision.pairs import LimbPairs
 from mhvedit.errors import CaptureError, SceneError
+from mhvedit.files import load_npz
 from mhvedit.fitting.body import BodyInMotion, body_in_motion, grown
 from mhvedit.fitting.capture import CaptureFit, fit_capture
 from mhvedit.fitting.deform import BoneFrames, deformed
@@ -82,8 +83,8 @@ def repaired_story(sequence: MeshSequence) -> FittedStory:
     Args:
         sequence: repaired.
     """
-    with np.load(sequence.files[0]) as kept:
-        return _story(sequence, kept["joints"], kept["touched"].tolist())
+    kept = load_npz(sequence.files[0], "joints", "touched")
+    return _story(sequence, kept["joints"], kept["touched"].tolist())
 
 
 def repaired_in_words(sequence: MeshSequence) -> str:
@@ -92,8 +93,8 @@ def repaired_in_words(sequence: MeshSequence) -> str:
     Args:
         sequence: repaired.
     """
-    with np.load(sequence.files[0]) as kept:
-        touched, collided = int(kept["touched"].sum()), int(kept["collided"].sum())
+    kept = load_npz(sequence.files[0], "touched", "collided")
+    touched, collided = int(kept["touched"].sum()), int(kept["collided"].sum())
     return (
         f"Repaired: limbs met in {collided} of {len(sequence.numbers)} frames; the posture was changed in {touched} "
         "and in no other."

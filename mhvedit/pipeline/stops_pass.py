@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from mhvedit.files import load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.pipeline.assemble import Assembly, Stop
 from mhvedit.pipeline.bodies import bodies_of, surroundings_of
@@ -63,8 +64,7 @@ def with_stops(
         if max(float(depth.max(initial=0.0)) for depth in own.values()) <= DEEP:
             continue
         place = kept_file(store, _key(movers, name, store), partial(_build, movers, name, own, store), told=TOLD)
-        with np.load(place, allow_pickle=False) as kept:
-            told = json.loads(str(kept[TOLD]))
+        told = json.loads(str(load_npz(place, TOLD)[TOLD]))
         stops += [Stop(**{**stop, "limbs": tuple(stop["limbs"])}) for stop in told["stops"]]
         said += told["notes"]
         if told["frames"]:

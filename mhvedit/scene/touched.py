@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from mhvedit.errors import CaptureError
+from mhvedit.files import load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.sequences.read import open_capture
@@ -49,9 +48,8 @@ def open_touched(path: Path) -> Touched:
     """
     meshes = open_capture(path, name=path.stem)
     try:
-        with np.load(path, allow_pickle=False) as data:
-            things = {name.removeprefix(THING): data[name] for name in data.files if name.startswith(THING)}
-    except (OSError, ValueError, zipfile.BadZipFile) as fault:
+        things = {name.removeprefix(THING): own for name, own in load_npz(path, starting=THING).items()}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as fault:
         raise CaptureError(path, WRITTEN, type(fault).__name__) from fault
     return Touched(meshes, things)
 

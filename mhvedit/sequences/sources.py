@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.errors import CaptureError
-from mhvedit.files import ONE_HEADER
+from mhvedit.files import ONE_HEADER, load_npz
 from mhvedit.geometry.arrays import IntArray
 from mhvedit.sequences.contents import Contents, hash_of_bytes
 from mhvedit.sequences.formats import PARSERS, parse_mesh
@@ -120,6 +120,7 @@ class NpzSource:
         small, shapes = _npz_overview(path)
         self._rows = {"vertices": _offsets(small["vertex_counts"]), "faces": _offsets(small["face_counts"])}
         _check_npz(path, small, shapes)
+        self._names = shapes.keys() | small.keys() & {"scale", "origin"}
         numbers = small.get("frame_numbers", np.arange(len(small["vertex_counts"]))).astype(np.int64)
         self._place = {int(numbers[i]): int(i) for i in np.argsort(numbers, kind="stable")}
         self.numbers, self.files = tuple(self._place), (path,)
@@ -149,9 +150,7 @@ class NpzSource:
         with self._lock:
             if not self._arrays:
                 try:
-                    with ONE_HEADER, self._path.open("rb") as data, np.load(data, allow_pickle=False) as stored:
-                        wanted = {"vertices", "faces", "scale", "origin", "labels"}
-                        self._arrays = {name: stored[name] for name in wanted & set(stored.files)}
+                    self._arrays = load_npz(self._path, *self._names)
                 except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
                     raise CaptureError(self._path, "a readable .npz", f"{type(error).__name__}: {error}") from error
             return self._arrays

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mhvedit.errors import CaptureError, ShapeError
-from mhvedit.files import replacing
+from mhvedit.files import load_npz, replacing
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
 from mhvedit.skeleton.dofs import body_skeleton, dofs_from_frames
 from mhvedit.skeleton.forward import joint_frames
@@ -182,8 +182,7 @@ def skin_into(
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     """All arrays of the file, checked."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = load_npz(path)
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         found = getattr(error, "strerror", None) or f"{type(error).__name__}"
         raise CaptureError(path, "a skinned motion (.npz)", str(found)) from error

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError, MhveditError, SceneError
+from mhvedit.files import load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Job, load
@@ -179,8 +180,7 @@ def _segments(out: Path, spans: Sequence[SegmentEdit]) -> tuple[SegmentView, ...
 def _segment(path: Path, span: SegmentEdit, why: str) -> SegmentView | None:
     """One solution group in its file; None where the file is of an older version or not there."""
     try:
-        with np.load(path, allow_pickle=False) as data:
-            kept = {name: data[name] for name in SMALL}
+        kept = load_npz(path, *SMALL)
     except DAMAGED:
         return None
     size, n_yaw, step = len(kept["axes_x"]), len(kept["axes_yaw"]), float(kept["step"])
@@ -210,8 +210,7 @@ def _row_at(relative: FloatArray, kept: Mapping[str, FloatArray]) -> int | None:
 
 def _searched(path: Path, grid: PoseGrid) -> Searched:
     """What is large of a solution file."""
-    with np.load(path, allow_pickle=False) as data:
-        kept = {name: data[name] for name in (*COLUMNS, "reason", "reasons")}
+    kept = load_npz(path, *COLUMNS, "reason", "reasons")
     found = ReasonMap(grid, kept["reason"], tuple(str(name) for name in kept["reasons"]))
     cells = np.argwhere(found.accepted)
     group = SolutionGroup(

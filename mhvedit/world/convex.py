@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from mhvedit.errors import MissingLibrary
-from mhvedit.files import replacing
+from mhvedit.files import load_npz, replacing
 from mhvedit.geometry.arrays import FloatArray, Int32Array
 from mhvedit.world.pieces import Piece, hull, mesh_mass
 from mhvedit.world.problems import WorldError
@@ -72,8 +72,8 @@ def convex_pieces(
 def _kept(file: Path, vertices: FloatArray, faces: Int32Array) -> list[FloatArray]:
     """Points of the pieces from a file, which is written where there is none or it is damaged."""
     try:
-        with np.load(file, allow_pickle=False) as stored:
-            return [np.asarray(part) for part in np.split(stored["points"], stored["starts"][1:])]
+        stored = load_npz(file, "points", "starts")
+        return [np.asarray(part) for part in np.split(stored["points"], stored["starts"][1:])]
     except FileNotFoundError:
         pass
     except _DAMAGED as error:
