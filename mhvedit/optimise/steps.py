@@ -216,9 +216,13 @@ def _ways(points: FloatArray, n: int, wanted: FloatArray, out: FloatArray) -> No
         sx, sy = points[n, 9, i], points[n, 10, i]
         xx, yy, xy = 1 + sx * sx + tx * tx, 1 + sy * sy + ty * ty, sx * sy + tx * ty
         x, y = min(max(xy / yy * edge_y, low_x), high_x), min(max(xy / xx * edge_x, low_y), high_y)
-        upright = yy * edge_x * edge_x - 2 * xy * edge_x * y + xx * y * y
-        level = yy * x * x - 2 * xy * x * edge_y + xx * edge_y * edge_y
-        slides = min(upright, level) / (xx * yy - xy * xy)
+        # as sums of squares, since xx yy - xy xy would cancel where the slack is large
+        across_s, across_t = sx * y - sy * edge_x, tx * y - ty * edge_x
+        upright = edge_x * edge_x + y * y + across_s * across_s + across_t * across_t
+        across_s, across_t = sx * edge_y - sy * x, tx * edge_y - ty * x
+        level = x * x + edge_y * edge_y + across_s * across_s + across_t * across_t
+        across = sx * ty - sy * tx
+        slides = min(upright, level) / (xx + yy - 1 + across * across)
         out[i] = points[n, 0, i] + 0.5 * max(boxes, slides)
 
 

@@ -1,4 +1,5 @@
 import itertools
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -108,6 +109,25 @@ def test_sliding_costs_no_less_than_the_step_says(seed: int) -> None:
     ]
     cost = 0.5 * np.abs(ends[1] - ends[0]) ** 2 + 0.5 * (shares**2).sum(0)
     assert (cost >= least * (1 - 1e-9)).all()
+
+
+@given(SEEDS)
+@SOME
+def test_slack_without_measure_leaves_the_cost_exact(seed: int) -> None:
+    """Where turning costs next to nothing; beside fractions, in which nothing is rounded."""
+    rng = np.random.default_rng(seed)
+    arms = rng.normal(0, 1, 2) + 1j * rng.normal(0, 1, 2)
+    if seed % 2:
+        arms[1] = arms[0] * rng.normal()  # so that both slide alike
+    slacks, way = 10.0 ** rng.uniform(0, 6, 2) * arms, complex(*rng.normal(0, 1, 2))
+    slack, nowhere = np.array(slacks, np.complex128), np.zeros(1, np.complex128)
+    anywhere = np.full(1, 1e9 * (1 + 1j))
+    source = Places(nowhere, anywhere, nowhere, slack[:1], nowhere)
+    target = Places(nowhere, nowhere, np.array([way]), slack[1:], nowhere)
+    (sx, sy), (tx, ty), (x, y) = ((Fraction(z.real), Fraction(z.imag)) for z in (*slacks.tolist(), way))
+    square = x * x + y * y + (sx * y - sy * x) ** 2 + (tx * y - ty * x) ** 2
+    exact = square / (1 + sx * sx + sy * sy + tx * tx + ty * ty + (sx * ty - sy * tx) ** 2) / 2
+    assert cheapest_step(np.zeros(1), source, target, unlimited(1))[0][0] == pytest.approx(float(exact), rel=1e-9)
 
 
 def test_known_places_are_a_plain_way_apart() -> None:
