@@ -173,36 +173,40 @@ def _bits(level: int) -> int:
 @njit(cache=True, nogil=True)
 def _mark(cells: IntArray, size: int, base: IntArray, out: BoolArray) -> None:
     """Flag the blocks that some cells are in; `base` from the origin of the blocks on."""
-    start, stop, i, j = 0, 0, 0, 0
+    row = 0, 0, 0
     for n in range(cells.shape[0]):
-        cell = np.int64(cells[n])
-        if cell >= stop:  # cells ascend, and most are in one row with the one before
-            start, i, j = _row_of(cell, size, base)
-            stop = start + base.shape[0]
-        k = cell - start
-        out[(base[k, 0] + i) >> MAPPED, (base[k, 1] + j) >> MAPPED, k >> (MAPPED - YAW_LEVEL)] = True
+        row = _row_of(np.int64(cells[n]), row, size, base)
+        out[_block_of(np.int64(cells[n]), row, base)] = True
 
 
 @njit(cache=True, nogil=True)
 def _looked_up(cells: IntArray, size: int, base: IntArray, flags: BoolArray) -> BoolArray:
     """The flag of the block that each cell is in; as `_mark`."""
     out = np.empty(cells.shape[0], np.bool_)
-    start, stop, i, j = 0, 0, 0, 0
+    row = 0, 0, 0
     for n in range(cells.shape[0]):
-        cell = np.int64(cells[n])
-        if cell >= stop:
-            start, i, j = _row_of(cell, size, base)
-            stop = start + base.shape[0]
-        k = cell - start
-        out[n] = flags[(base[k, 0] + i) >> MAPPED, (base[k, 1] + j) >> MAPPED, k >> (MAPPED - YAW_LEVEL)]
+        row = _row_of(np.int64(cells[n]), row, size, base)
+        out[n] = flags[_block_of(np.int64(cells[n]), row, base)]
     return out
 
 
 @njit(cache=True, nogil=True)
-def _row_of(cell: int, size: int, base: IntArray) -> tuple[int, int, int]:
-    """The first cell of the row of yaws that a cell is in, and the row's x and y in the grid."""
+def _row_of(cell: int, before: tuple[int, int, int], size: int, base: IntArray) -> tuple[int, int, int]:
+    """The first cell of the row of yaws that a cell is in, and the row's x and y in the grid.
+
+    Cells ascend, and most are in one row with the one before.
+    """
+    if cell < before[0] + base.shape[0]:
+        return before
     row = cell // base.shape[0]
     return row * base.shape[0], row // size, row % size
+
+
+@njit(cache=True, nogil=True)
+def _block_of(cell: int, row: tuple[int, int, int], base: IntArray) -> tuple[int, int, int]:
+    """The block that a cell of a row is in."""
+    k = cell - row[0]
+    return (base[k, 0] + row[1]) >> MAPPED, (base[k, 1] + row[2]) >> MAPPED, k >> (MAPPED - YAW_LEVEL)
 
 
 @njit(cache=True, nogil=True)
