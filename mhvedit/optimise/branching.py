@@ -340,7 +340,10 @@ def _finer(problem: _Problem, level: _Level, step: float, cost: float) -> _Level
 
 
 def _views(problem: _Problem, blocks: Blocks, level: _Level, best: Chain) -> list[_View]:
-    """Wide until the flat view loses little, with forces where they have little play; flat where that loses little."""
+    """Wide until the flat view loses little, with forces where they have little play; flat where that loses little.
+
+    Forces are those of the best chain, so there are none while blocks are those of maps, through which none is known.
+    """
     cost = best.cost
     lost = problem.loss(level.half_turn, level.half_gauge, cost)
     views = []
@@ -348,15 +351,22 @@ def _views(problem: _Problem, blocks: Blocks, level: _Level, best: Chain) -> lis
         held = problem.loss(0.0, level.half_gauge, cost) < LOSE_LITTLE * cost
         wide = _View(level.half_turn, 0.0 if held else level.half_gauge)
         views.append(wide)
-        steps = steps_of(problem.costs, best)
-        half = complex(blocks.half.real.max(initial=0.0), blocks.half.imag.max(initial=0.0))
-        forces = _least_losing(steps, half)
-        off = 0.5 * float((np.abs(forces - steps) ** 2).sum())
-        if off + play_of(problem.links, forces, half, best.gauge, wide.wide_gauge) < LOSE_HALF * cost:
+        forces = _forces(problem, blocks, wide, best) if level.blocks < MAPPED else None
+        if forces is not None:
             views.append(replace(wide, forces=forces))
     if lost < LOSE_MOST * cost:
         views.append(_View(0.0, 0.0))
     return views
+
+
+def _forces(problem: _Problem, blocks: Blocks, wide: _View, best: Chain) -> ComplexArray | None:
+    """(G - 1,) m, forces with which a bound keeps half of what the best chain costs, if there are any."""
+    steps = steps_of(problem.costs, best)
+    half = complex(blocks.half.real.max(initial=0.0), blocks.half.imag.max(initial=0.0))
+    forces = _least_losing(steps, half)
+    off = 0.5 * float((np.abs(forces - steps) ** 2).sum())
+    lost = off + play_of(problem.links, forces, half, best.gauge, wide.wide_gauge)
+    return forces if lost < LOSE_HALF * best.cost else None
 
 
 def _least_losing(steps: ComplexArray, half: complex) -> ComplexArray:
