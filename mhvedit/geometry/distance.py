@@ -12,6 +12,7 @@ from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
 from mhvedit.geometry.runs import runs_along_rows
+from mhvedit.geometry.uncounted import uncounted
 
 FAR = 1e18  # m^2
 
@@ -55,9 +56,14 @@ def distance_in_runs(
     squared, out = np.empty((int(held.sum()), n_z)), np.empty(int(cells[-1]))
     shares, across = (np.array_split(np.arange(n), min(n, 8 * workers)) for n in (n_x, n_y))
     with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(lambda share: _along_rows(runs, starts, rows, share, spacing, squared), shares))
+        list(pool.map(lambda share: _along_rows(runs, starts, rows, share, spacing, _plane(n_y, n_z), squared), shares))
         list(pool.map(lambda share: _across_rows(runs, starts, rows, share, spacing[0], squared, cells, out), across))
     return out
+
+
+def _plane(n_y: int, n_z: int) -> FloatArray:
+    """(Y + 1, Z) room for a plane, and a row that is empty."""
+    return np.zeros((n_y + 1, n_z))
 
 
 @njit(cache=True, nogil=True)
@@ -67,11 +73,14 @@ def _along_rows(
     rows: IntArray,
     share: IntArray,
     spacing: tuple[float, float, float],
+    plane: FloatArray,
     squared: FloatArray,
 ) -> None:
     """Squared distances within some planes."""
-    n_y, n_z = rows.shape[1], squared.shape[1]
-    plane, empty = np.zeros((n_y, n_z)), np.zeros(n_z)
+    runs, starts, rows = uncounted(runs), uncounted(starts), uncounted(rows)
+    plane, squared = uncounted(plane), uncounted(squared)
+    n_y = rows.shape[1]
+    empty = plane[n_y]
     for x in share:
         for y in range(n_y):
             if rows[x, y] >= 0:
@@ -105,6 +114,8 @@ def _across_rows(
     """Distances of the cells of some rows of planes, from the squared ones within all planes; one y after another,
     so that the rows beside a row are still at hand.
     """
+    runs, starts, rows = uncounted(runs), uncounted(starts), uncounted(rows)
+    squared, cells, out = uncounted(squared), uncounted(cells), uncounted(out)
     n_x, n_y = rows.shape
     empty = np.zeros(squared.shape[1])
     for y in share:
@@ -124,7 +135,7 @@ def _across_rows(
                     line[z] = np.sqrt(line[z])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _along_circle(runs: IntArray, spacing: float, out: FloatArray) -> None:
     """Squared distance to the nearest outside along a circle; FAR where there is none, 0 outside the row's runs."""
     n, last = out.shape[0], runs.shape[0] - 1
@@ -141,7 +152,7 @@ def _along_circle(runs: IntArray, spacing: float, out: FloatArray) -> None:
             out[z] = (float(min(z - low + 1 + below, high - z + above)) * spacing) ** 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _lower(line: FloatArray, one: FloatArray, other: FloatArray, offset: float) -> None:
     """Lower squared distances to those by way of two rows, which are further by an offset."""
     for z in range(line.shape[0]):
@@ -150,7 +161,7 @@ def _lower(line: FloatArray, one: FloatArray, other: FloatArray, offset: float) 
         line[z] = nearer if nearer < line[z] else line[z]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _left(line: FloatArray, low: int, high: int, beyond: float) -> tuple[int, int]:
     """What is left of a stretch of squared distances without those at its ends that are not above `beyond`."""
     while low < high and line[low] <= beyond:

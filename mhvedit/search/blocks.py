@@ -1,41 +1,39 @@
 """Blocks of shifts that contain one that is asked for, on all levels."""
 
-from math import prod
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, IntArray
+from mhvedit.geometry.uncounted import uncounted
 from mhvedit.search.pyramid import TOP
-from mhvedit.search.scratch import Scratch
 
 
-def asked_blocks(
-    asked: BoolArray, base: IntArray, stride: int, scratch: Scratch
-) -> tuple[BoolArray, IntArray, IntArray]:
+@lru_cache(maxsize=64)
+def most_blocks(n_x: int, n_y: int, stride: int) -> int:
+    """How many blocks of all levels so many shifts along x and y can lie in."""
+    return sum(((n_x * stride >> level) + 2) * ((n_y * stride >> level) + 2) for level in range(1, TOP + 1))
+
+
+@njit(cache=True, nogil=True)
+def mark_blocks(
+    asked: BoolArray, base_x: int, base_y: int, stride: int, blocks: BoolArray
+) -> tuple[IntArray, IntArray]:
     """Mark the blocks of 2^L x 2^L shifts, L from 1 on, that contain a shift that is asked for.
 
     Args:
         asked: (X, Y) shifts.
-        base: (2,) shift of cell (0, 0), voxels; block b of level L holds the shifts s with s >> L = b.
+        base_x: shift of cell (0, 0), voxels; block b of level L holds the shifts s with s >> L = b.
+        base_y: likewise.
         stride: voxels between shifts.
-        scratch: to lay the result into; what was laid there before is lost.
+        blocks: (N,) takes the marks, one level after the other, from the block of cell (0, 0) on.
 
     Returns:
-        (N,) marks, one level after the other, from the block of cell (0, 0) on; (TOP + 1,) where each level begins;
-        (TOP + 1, 2) its size.
+        (TOP + 1,) where each level begins; (TOP + 1, 2) its size.
     """
-    most = sum(prod((n * stride >> level) + 2 for n in asked.shape) for level in range(1, TOP + 1))
-    blocks = scratch.array("blocks", (most,), np.bool_)
+    asked, blocks = uncounted(asked), uncounted(blocks)
     first, sizes = np.zeros(TOP + 1, np.int64), np.zeros((TOP + 1, 2), np.int64)
-    _mark_blocks(asked, base[0], base[1], stride, blocks, first, sizes)
-    return blocks, first, sizes
-
-
-@njit(cache=True)
-def _mark_blocks(
-    asked: BoolArray, base_x: int, base_y: int, stride: int, blocks: BoolArray, first: IntArray, sizes: IntArray
-) -> None:
     last_x, last_y = base_x + (asked.shape[0] - 1) * stride, base_y + (asked.shape[1] - 1) * stride
     past = 0
     for level in range(1, TOP + 1):
@@ -58,6 +56,7 @@ def _mark_blocks(
             row = first[level] + (((low_x + x) >> 1) - (low_x >> 1)) * sizes[level, 1]
             own = fine[x * sizes[level - 1, 1] : (x + 1) * sizes[level - 1, 1]]
             _mark_pairs(own, low_y & 1, blocks[row : row + sizes[level, 1]])
+    return first, sizes
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -16,7 +16,6 @@ import numpy as np
 from numba import njit
 
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray, Words
-from mhvedit.search.scratch import Scratch
 from mhvedit.volumes.history import MotionHistoryVolume
 
 WORD = 64  # bits
@@ -114,20 +113,18 @@ def outline_of(cells: Int32Array, start: IntArray) -> FloatArray:
     return np.asarray(np.concatenate([cells[ends[:-1]], cells[ends[1:] - 1]]) + start, np.float64)
 
 
-def turned(columns: Columns, yaw: float, scratch: Scratch | None = None) -> TurnedColumns:
+def turned(columns: Columns, yaw: float) -> TurnedColumns:
     """Turn a volume about z.
 
     Args:
         columns: of the volume.
         yaw: rad, counter-clockwise.
-        scratch: to lay the result into; what was laid there before is lost.
     """
     c, s = float(np.cos(yaw)), float(np.sin(yaw))
-    low_x, high_x, low_y, high_y = _turned_box(columns.outline, c, s)
-    column_of = (scratch or Scratch()).array("columns", (high_x - low_x, high_y - low_y), np.int32)
-    start = np.array([low_x, low_y])
-    _turn(columns.column_of, columns.start, c, s, start, column_of)
-    return TurnedColumns(columns, column_of, start)
+    low_x, high_x, low_y, high_y = turned_box(columns.outline, c, s)
+    column_of = np.empty((high_x - low_x, high_y - low_y), np.int32)
+    lay_turned(columns.column_of, columns.start, c, s, low_x, low_y, column_of)
+    return TurnedColumns(columns, column_of, np.array([low_x, low_y]))
 
 
 @njit(cache=True, nogil=True)
@@ -182,9 +179,15 @@ def _pooled(voxels: Words, tall: int) -> tuple[Words, Words]:
     return some, every
 
 
-@njit(cache=True)
-def _turned_box(outline: FloatArray, c: float, s: float) -> tuple[int, int, int, int]:
-    """First and past-the-last lattice index along x, and along y, that turned columns can have, in whole blocks."""
+@njit(cache=True, nogil=True)
+def turned_box(outline: FloatArray, c: float, s: float) -> tuple[int, int, int, int]:
+    """First and past-the-last lattice index along x, and along y, that turned columns can have, in whole blocks.
+
+    Args:
+        outline: as in `Columns`.
+        c: cosine of the yaw.
+        s: its sine.
+    """
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for n in range(outline.shape[0]):
         x, y = c * outline[n, 0] - s * outline[n, 1], s * outline[n, 0] + c * outline[n, 1]
@@ -197,17 +200,29 @@ def _turned_box(outline: FloatArray, c: float, s: float) -> tuple[int, int, int,
 
 
 @njit(cache=True, nogil=True)
-def _turn(column_of: Int32Array, start: IntArray, c: float, s: float, first: IntArray, out: Int32Array) -> None:
-    """The column that each turned column's centre falls into."""
+def lay_turned(
+    column_of: Int32Array, start: IntArray, c: float, s: float, first_x: int, first_y: int, out: Int32Array
+) -> None:
+    """Find the column that each turned column's centre falls into.
+
+    Args:
+        column_of: as in `Columns`.
+        start: likewise.
+        c: cosine of the yaw.
+        s: its sine.
+        first_x: lattice index of the first turned column along x.
+        first_y: along y.
+        out: (X, Y) is overwritten.
+    """
     last_u, last_v = column_of.shape[0], column_of.shape[1]
     start_u, start_v = start
     out[:] = EMPTY
     for i in range(out.shape[0]):
-        x = float(first[0] + i)
-        low, high = _crossing(s, c * x - start_u, last_u, first[1], out.shape[1])
-        low_v, high_v = _crossing(c, -s * x - start_v, last_v, first[1], out.shape[1])
+        x = float(first_x + i)
+        low, high = _crossing(s, c * x - start_u, last_u, first_y, out.shape[1])
+        low_v, high_v = _crossing(c, -s * x - start_v, last_v, first_y, out.shape[1])
         for j in range(max(low, low_v), min(high, high_v)):
-            y = float(first[1] + j)
+            y = float(first_y + j)
             u = int(np.floor(c * x + s * y + 0.5)) - start_u
             v = int(np.floor(c * y - s * x + 0.5)) - start_v
             if 0 <= u < last_u and 0 <= v < last_v:

@@ -12,8 +12,9 @@ from numba import njit
 from mhvedit.files import Column
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import rotation, wrap_angle
+from mhvedit.geometry.uncounted import uncounted
 from mhvedit.search.groups import seen_from
-from mhvedit.search.poses import PoseGrid, lattice_pose
+from mhvedit.search.poses import PoseGrid
 
 Lattice = tuple[int, IntArray, float]  # size, base and step of a grid
 
@@ -58,11 +59,13 @@ def _filled(fill: Callable[..., None], cells: IntArray, terms: tuple[object, ...
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _place(cell: int, lattice: Lattice) -> tuple[float, float, int]:
-    """Where a pose is along x and y, and the number of its yaw."""
-    size, base, step = lattice
-    i, j, k = lattice_pose(cell, size, base)
-    return i * step, j * step, k
+def _moved_on(before: int, cell: int, i: int, j: int, k: int, size: int, n_yaw: int) -> tuple[int, int, int]:
+    """From one cell's indices to those of a later one, which most often is the next yaw: division takes longest."""
+    k += cell - before
+    if k < n_yaw:
+        return i, j, k
+    row, yaw = divmod(cell, n_yaw)
+    return row // size, row % size, yaw
 
 
 @njit(cache=True, nogil=True)
@@ -76,8 +79,11 @@ def _fill_place(
     less_by_yaw: FloatArray,
     out: FloatArray,
 ) -> None:
+    size, base, step = lattice[0], uncounted(lattice[1]), lattice[2]
+    i, j, k = 0, 0, len(base)
     for n in range(cells.shape[0]):
-        x, y, k = _place(cells[n], lattice)
+        i, j, k = _moved_on(cells[max(n - 1, 0)], cells[n], i, j, k, size, len(base))
+        x, y = (base[k, 0] + i) * step, (base[k, 1] + j) * step
         out[n] = origin + by_x * x - by_y * y + by_yaw[k] - less_by_yaw[k]
 
 
@@ -89,8 +95,11 @@ def _fill_yaw(cells: IntArray, yaws: FloatArray, out: FloatArray) -> None:
 
 @njit(cache=True, nogil=True)
 def _fill_distance(cells: IntArray, lattice: Lattice, roots: FloatArray, out: FloatArray) -> None:
+    size, base, step = lattice[0], uncounted(lattice[1]), lattice[2]
+    i, j, k = 0, 0, len(base)
     for n in range(cells.shape[0]):
-        x, y, k = _place(cells[n], lattice)
+        i, j, k = _moved_on(cells[max(n - 1, 0)], cells[n], i, j, k, size, len(base))
+        x, y = (base[k, 0] + i) * step, (base[k, 1] + j) * step
         x, y = x + roots[k, 0], y + roots[k, 1]
         out[n] = np.sqrt(x * x + y * y)
 
@@ -99,6 +108,9 @@ def _fill_distance(cells: IntArray, lattice: Lattice, roots: FloatArray, out: Fl
 def _fill_theta(
     cells: IntArray, lattice: Lattice, roots: FloatArray, facing: float, turns: FloatArray, out: FloatArray
 ) -> None:
+    size, base, step = lattice[0], uncounted(lattice[1]), lattice[2]
+    i, j, k = 0, 0, len(base)
     for n in range(cells.shape[0]):
-        x, y, k = _place(cells[n], lattice)
+        i, j, k = _moved_on(cells[max(n - 1, 0)], cells[n], i, j, k, size, len(base))
+        x, y = (base[k, 0] + i) * step, (base[k, 1] + j) * step
         out[n] = seen_from(np.arctan2(y + roots[k, 1], x + roots[k, 0]), facing, turns[k])

@@ -9,8 +9,8 @@ the four shifts of the last blocks are decided together, column by column. Neigh
 same cell: a cell that has settled a block moves to the front of its list, and the column that settled the last shift is
 tried first on whole blocks of others.
 
-The kernels take flat, uncounted arrays and are compiled into one: neighbouring looks share so little work that calls
-and counts of references would cost more than the looks.
+The kernels are compiled into one, which works with flat, uncounted arrays: neighbouring looks share so little work
+that calls and counts of references would cost more than the looks.
 """
 
 import numpy as np
@@ -18,9 +18,9 @@ from numba import njit
 
 from mhvedit.geometry.arrays import BoolArray, Int32Array, IntArray, Words
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.blocks import asked_blocks
+from mhvedit.search.blocks import mark_blocks, most_blocks
 from mhvedit.search.columns import EMPTY, WORD
-from mhvedit.search.pyramid import SLABS, TOP, Pools, Pyramid, TurnedPyramid
+from mhvedit.search.pyramid import SLABS, TOP, Pyramid, TurnedPyramid
 from mhvedit.search.scratch import Scratch
 
 SETTLED = -1  # a block that meets whatever the shift
@@ -53,94 +53,46 @@ def meets(
     """
     scratch = scratch or Scratch()
     out = scratch.array("met", asked.shape, np.bool_)
-    out[:] = False
-    roots = _roots(*_level(b.some, TOP))
-    layout = a.columns.layout
-    most = max(1, min(len(roots) << 2 * (TOP - 1), len(b.some.row_of)))
-    lists = scratch.array("lists", (TOP + 1, most, 2), np.int32)
-    _search(
-        a.own.row_of, a.own.rows.ravel(), a.some.row_of, a.some.rows.ravel(), a.sure.row_of, a.sure.rows.ravel(),
-        a.some.first, a.some.shape,
-        b.some.row_of, b.some.rows.ravel(), b.sure.row_of, b.sure.rows.ravel(), b.some.first, b.some.shape,
-        b.starts - a.starts,
-        a.column_of, a.columns.some.ravel(), a.columns.voxels.ravel(),
-        b.turned.column_of, b.turned.columns.some.ravel(), b.turned.columns.voxels.ravel(),
-        layout.tall, layout.lanes, roots, lists, base * stride, stride,
-        asked, *asked_blocks(asked, base * stride, stride, scratch),
-        np.uint64(every or 0), out,
-    )  # fmt: skip
+    blocks = scratch.array("blocks", (most_blocks(*asked.shape, stride),), np.bool_)
+    lists = scratch.array("lists", (TOP + 2, len(b.some.row_of), 2), np.int32)
+    _search(a, b, base * stride, stride, asked, np.uint64(every or 0), blocks, lists, out)
     return out
-
-
-def _level(pools: Pools, level: int) -> tuple[Int32Array, int, int]:
-    """The numbers of one level's rows, and its size."""
-    x, y = pools.shape[level].tolist()
-    return pools.row_of[pools.first[level] : pools.first[level] + x * y], x, y
-
-
-@njit(cache=True)
-def _roots(row_of: Int32Array, n_x: int, n_y: int) -> Int32Array:
-    """(N, 2) cells of a level that hold anything."""
-    cells = np.empty((n_x * n_y, 2), np.int32)
-    n = 0
-    for x in range(n_x):
-        for y in range(n_y):
-            if row_of[x * n_y + y] != EMPTY:
-                cells[n, 0], cells[n, 1] = x, y
-                n += 1
-    return cells[:n]
 
 
 @njit(cache=True, nogil=True)  # one loop with its own stack: compiled recursion does not survive the cache
 def _search(  # noqa: C901
-    a_own_row: Int32Array,
-    a_own: Words,
-    a_some_row: Int32Array,
-    a_some: Words,
-    a_sure_row: Int32Array,
-    a_sure: Words,
-    a_first: IntArray,
-    a_shape: IntArray,
-    b_some_row: Int32Array,
-    b_some: Words,
-    b_sure_row: Int32Array,
-    b_sure: Words,
-    b_first: IntArray,
-    b_shape: IntArray,
-    offsets: IntArray,
-    at_a: Int32Array,
-    a_words: Words,
-    a_voxels: Words,
-    at_b: Int32Array,
-    b_words: Words,
-    b_voxels: Words,
-    tall: int,
-    lanes: int,
-    roots: Int32Array,
-    lists: Int32Array,
+    a: Pyramid,
+    b: TurnedPyramid,
     base: IntArray,
     stride: int,
     asked: BoolArray,
-    blocks: BoolArray,
-    blocks_first: IntArray,
-    blocks_size: IntArray,
     need: np.uint64,
+    blocks: BoolArray,
+    lists: Int32Array,
     out: BoolArray,
 ) -> None:
-    """Descend through the blocks of shifts, depth first; `lists` holds what is left of B on the way down."""
-    a_own_row, a_some_row, a_sure_row = uncounted(a_own_row), uncounted(a_some_row), uncounted(a_sure_row)
-    a_own, a_some, a_sure = uncounted(a_own), uncounted(a_some), uncounted(a_sure)
-    b_some_row, b_sure_row = uncounted(b_some_row), uncounted(b_sure_row)
-    b_some, b_sure = uncounted(b_some), uncounted(b_sure)
-    at_a, a_words, a_voxels = uncounted(at_a), uncounted(a_words), uncounted(a_voxels)
-    at_b, b_words, b_voxels = uncounted(at_b), uncounted(b_words), uncounted(b_voxels)
-    roots, lists, asked, out = uncounted(roots), uncounted(lists), uncounted(asked), uncounted(out)
+    """Descend through the blocks of shifts, depth first; `lists` takes what is left of B on the way down."""
+    a_own_row, a_own = uncounted(a.own.row_of), uncounted(a.own.rows.ravel())
+    a_some_row, a_some = uncounted(a.some.row_of), uncounted(a.some.rows.ravel())
+    a_sure_row, a_sure = uncounted(a.sure.row_of), uncounted(a.sure.rows.ravel())
+    a_first, a_shape = uncounted(a.some.first), uncounted(a.some.shape)
+    b_some_row, b_some = uncounted(b.some.row_of), uncounted(b.some.rows.ravel())
+    b_sure_row, b_sure = uncounted(b.sure.row_of), uncounted(b.sure.rows.ravel())
+    b_first, b_shape = uncounted(b.some.first), uncounted(b.some.shape)
+    at_a, a_words, a_voxels = uncounted(a.column_of), uncounted(a.words.ravel()), uncounted(a.voxels.ravel())
+    at_b, b_words, b_voxels = uncounted(b.column_of), uncounted(b.words.ravel()), uncounted(b.voxels.ravel())
+    tall, lanes = a.tall, a.lanes
+    out[:] = False
+    base_x, base_y = base
+    blocks_first, blocks_size = mark_blocks(asked, base_x, base_y, stride, blocks)
+    lists, asked, out = uncounted(lists), uncounted(asked), uncounted(out)
+    offsets = b.starts - a.starts
     wanted = _repeated(need, lanes)
     counts = np.zeros(TOP + 2, np.int64)
     child = np.zeros(TOP + 2, np.int64)
     block = np.zeros((TOP + 2, 2), np.int64)
     witness = np.zeros(2, np.int64)
-    base_x, base_y = base
+    counts[TOP + 1] = _list_cells(b_some_row, b_first[TOP], b_shape[TOP, 0], b_shape[TOP, 1], lists[TOP + 1])
     first_x, first_y = base_x >> TOP, base_y >> TOP
     for top_x in range(
         max(first_x, -offsets[TOP, 0] - b_shape[TOP, 0]),
@@ -171,9 +123,8 @@ def _search(  # noqa: C901
                     tall, base_x, base_y, stride, asked, witness, out,
                 ):  # fmt: skip
                     continue
-                at_top = finer == TOP
-                cells, n_cells = (roots, roots.shape[0]) if at_top else (lists[level], counts[level])
-                split, dx, dy = 1 if at_top else 2, offsets[finer, 0] + x, offsets[finer, 1] + y
+                cells, n_cells, split = lists[level], counts[level], 1 if finer == TOP else 2
+                dx, dy = offsets[finer, 0] + x, offsets[finer, 1] + y
                 if finer == 1 and need == 0:
                     _decide(
                         a_some_row, a_some, a_first[1], a_shape[1, 0], a_shape[1, 1], b_some_row, b_some, b_shape[1, 1],
@@ -206,6 +157,18 @@ def _search(  # noqa: C901
                     block[finer, 0], block[finer, 1] = x, y
                     child[finer] = 0
                     level = finer
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _list_cells(row_of: Int32Array, first: int, n_x: int, n_y: int, cells: Int32Array) -> int:
+    """List the cells of a level that hold anything; how many there are."""
+    n = 0
+    for x in range(n_x):
+        for y in range(n_y):
+            if row_of[first + x * n_y + y] != EMPTY:
+                cells[n, 0], cells[n, 1] = x, y
+                n += 1
+    return n
 
 
 @njit(cache=True, nogil=True, inline="always")

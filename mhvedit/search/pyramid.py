@@ -9,15 +9,14 @@ All rows are eight words long, a line of the processor's cache, whatever the vol
 has to stay near, and loops of a known length compile to a few instructions.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import Int32Array, IntArray, Words
+from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray, Words
 from mhvedit.geometry.uncounted import uncounted
-from mhvedit.search.columns import EMPTY, Columns, TurnedColumns, aligned, turned
-from mhvedit.search.scratch import Scratch
+from mhvedit.search.columns import BLOCK, EMPTY, Columns, aligned, lay_turned, turned_box
 
 SLABS = 8  # words in a row
 TOP = 4  # the coarsest level
@@ -26,40 +25,46 @@ LEVELS = np.arange(TOP + 1)[:, None]
 MARGIN = 2  # empty columns around A's, so that windows of level 1 need no look at borders
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pools:
+class Pools(NamedTuple):
     """Words of those cells or windows of all levels that hold anything; level 0 has none. Row EMPTY is zero."""
 
-    rows: Words  # (R, SLABS)
-    row_of: Int32Array  # (N,) index into the rows, one level after the other
+    rows: Words  # (R, SLABS), the last of which may be room that was not needed
+    row_of: Int32Array  # (N,) index into the rows, one level after the other; likewise
     first: IntArray  # (TOP + 1,) where a level begins
     shape: IntArray  # (TOP + 1, 2) cells of a level along x and y
 
-    @property
-    def arrays(self) -> tuple[IntArray, IntArray, Int32Array, Words]:
-        """As kernels take them."""
-        return self.first, self.shape, self.row_of, self.rows
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pyramid:
+class Pyramid(NamedTuple):
     """The volume at rest; cell (x, y) of level L is (lattice index >> L) - starts[L], a column a cell of level 0."""
 
-    columns: Columns
     column_of: Int32Array  # (X, Y) as the columns' own, with MARGIN empty ones before and after
+    words: Words  # (C, SLABS) `some` of the columns
+    voxels: Words  # (C, SLABS tall) as the columns' own
+    tall: int  # as in the columns' layout
+    lanes: int  # likewise
     own: Pools  # what some column of a cell holds
     some: Pools  # what some column of the window that starts with a cell holds
     sure: Pools  # what all columns of that window hold
     starts: IntArray  # (TOP + 1, 2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TurnedPyramid:
+class TurnedPyramid(NamedTuple):
     """The volume that is turned and shifted; cell (x, y) of level L is (lattice index >> L) - starts[L]."""
 
-    turned: TurnedColumns
+    column_of: Int32Array  # (X, Y) index into the columns' words; X and Y multiples of BLOCK
+    words: Words  # (C, SLABS) `some` of the columns
+    voxels: Words  # (C, SLABS tall) as the columns' own
     some: Pools  # what some column of a cell holds
     sure: Pools  # what all columns of the window that ends with a cell hold
+    starts: IntArray  # (TOP + 1, 2)
+
+
+class Room(NamedTuple):
+    """Memory for a volume turned by one yaw after the other."""
+
+    column_of: Int32Array  # (N,)
+    some: Pools
+    sure: Pools  # with the same `first` and `shape`
     starts: IntArray  # (TOP + 1, 2)
 
 
@@ -77,56 +82,59 @@ def pyramid_of(columns: Columns) -> Pyramid:
     low = columns.start - start + MARGIN
     high = low + columns.column_of.shape
     column_of[low[0] : high[0], low[1] : high[1]] = columns.column_of
-    own, some, sure = (_blank(column_of, 1, Scratch(), "pools") for _ in range(3))
+    own, some, sure = (_pools(*_levels(*column_of.shape, 1)) for _ in range(3))
+    _pool_cells(column_of, columns.some, 1, own)
+    _pool_windows(column_of, columns.some, 0, False, some)
+    _pool_windows(column_of, columns.every, 0, True, sure)
     return Pyramid(
-        columns=columns,
         column_of=column_of,
-        own=_cut(own, _pool_cells(column_of, columns.some, 1, *own.arrays)),
-        some=_cut(some, _pool_windows(column_of, columns.some, 0, False, *some.arrays)),
-        sure=_cut(sure, _pool_windows(column_of, columns.every, 0, True, *sure.arrays)),
+        words=columns.some,
+        voxels=columns.voxels,
+        tall=columns.layout.tall,
+        lanes=columns.layout.lanes,
+        own=own,
+        some=some,
+        sure=sure,
         starts=np.where(LEVELS > 0, (start >> LEVELS) - 1, start - MARGIN),
     )
 
 
 def is_solid(columns: Columns) -> bool:
     """Whether some window that settles blocks holds anything in all of its columns, as the volume stands."""
-    return bool(level_of(turned_pyramid(turned(columns, 0.0)).sure, SETTLING).any())
+    return bool(level_of(turned_pyramid(columns, 0.0).sure, SETTLING).any())
 
 
-def turned_pyramid(b: TurnedColumns, scratch: Scratch | None = None, *, solid: bool = True) -> TurnedPyramid:
-    """Pool a turned volume.
+def room_for(columns: Columns) -> Room:
+    """Memory for a volume, whatever the yaw that it is turned by."""
+    reach = np.ptp(columns.outline, axis=0) if len(columns.outline) else np.zeros(2)
+    side = int(np.ceil(np.hypot(*reach))) + 2 * BLOCK + 6  # the box is rounded outwards, then to whole blocks
+    levels = _levels(side, side, 0)
+    return Room(np.empty(side * side, np.int32), _pools(*levels), _pools(*levels), np.zeros((TOP + 1, 2), np.int64))
+
+
+def turned_pyramid(columns: Columns, yaw: float, room: Room | None = None, *, solid: bool = True) -> TurnedPyramid:
+    """Turn a volume about z, and pool it.
 
     Args:
-        b: the volume.
-        scratch: to lay the result into; what was laid there before is lost.
+        columns: of the volume.
+        yaw: rad, counter-clockwise.
+        room: of the volume, to lay the result into; what was laid there before is lost.
         solid: whether to look for windows that all columns fill; without them fewer blocks are settled early.
     """
-    scratch = scratch or Scratch()
-    columns, column_of = b.columns, b.column_of
-    some, sure = _blank(column_of, 0, scratch, "some"), _blank(column_of, 0, scratch, "sure")
-    n_some = _pool_cells(column_of, columns.some, 0, *some.arrays)
-    if solid:
-        n_sure = _pool_windows(column_of, columns.every, 1, True, *sure.arrays)
-    else:
-        n_sure, sure.row_of[:], sure.rows[EMPTY] = EMPTY + 1, EMPTY, 0
-    return TurnedPyramid(b, _cut(some, n_some), _cut(sure, n_sure), b.start >> LEVELS)
+    room = room or room_for(columns)
+    c, s = float(np.cos(yaw)), float(np.sin(yaw))
+    n_x, n_y = _lay(columns.column_of, columns.start, columns.outline, columns.some, columns.every, c, s, solid, room)
+    column_of = room.column_of[: n_x * n_y].reshape(n_x, n_y)
+    return TurnedPyramid(column_of, columns.some, columns.voxels, room.some, room.sure, room.starts)
 
 
-def _blank(column_of: Int32Array, grown: int, scratch: Scratch, name: str) -> Pools:
-    """Pools with room for all cells, on levels that are larger by so many cells."""
-    first, shape = _levels(column_of.shape[0], column_of.shape[1], grown)
+def _pools(first: IntArray, shape: IntArray) -> Pools:
+    """Pools with room for all cells of such levels."""
     count = int(first[-1] + shape[-1, 0] * shape[-1, 1])
-    rows = scratch.array(f"{name}, rows", (count + 1, SLABS), np.uint64)
-    row_of = scratch.array(f"{name}, numbers", (count,), np.int32)
-    return Pools(rows, row_of, first, shape)
+    return Pools(np.empty((count + 1, SLABS), np.uint64), np.empty(count, np.int32), first, shape)
 
 
-def _cut(pools: Pools, n_rows: int) -> Pools:
-    """Pools without the room that was not needed."""
-    return Pools(pools.rows[:n_rows], pools.row_of, pools.first, pools.shape)
-
-
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _levels(n_x: int, n_y: int, grown: int) -> tuple[IntArray, IntArray]:
     """Where each level begins, and its cells along x and y, if columns have MARGIN empty ones for each cell grown."""
     first, shape = np.zeros(TOP + 1, np.int64), np.zeros((TOP + 1, 2), np.int64)
@@ -138,14 +146,41 @@ def _levels(n_x: int, n_y: int, grown: int) -> tuple[IntArray, IntArray]:
 
 
 @njit(cache=True, nogil=True)
-def _pool_cells(
-    column_of: Int32Array, words: Words, behind: int, first: IntArray, shape: IntArray, row_of: Int32Array, rows: Words
-) -> int:
-    """Pool columns by two and two by OR, and the cells again; how many rows there are.
+def _lay(
+    column_of: Int32Array,
+    start: IntArray,
+    outline: FloatArray,
+    words: Words,
+    every: Words,
+    c: float,
+    s: float,
+    solid: bool,
+    room: Room,
+) -> tuple[int, int]:
+    """Lay turned columns and their pools into a room; how many columns there are along x and y."""
+    low_x, high_x, low_y, high_y = turned_box(outline, c, s)
+    n_x, n_y = high_x - low_x, high_y - low_y
+    out = room.column_of[: n_x * n_y].reshape((n_x, n_y))
+    lay_turned(column_of, start, c, s, low_x, low_y, out)
+    room.some.first[:], room.some.shape[:] = _levels(n_x, n_y, 0)
+    for level in range(TOP + 1):
+        room.starts[level, 0], room.starts[level, 1] = low_x >> level, low_y >> level
+    _pool_cells(out, words, 0, room.some)
+    if solid:
+        _pool_windows(out, every, 1, True, room.sure)
+    else:
+        room.sure.row_of[:], room.sure.rows[EMPTY] = EMPTY, 0
+    return n_x, n_y
+
+
+@njit(cache=True, nogil=True)
+def _pool_cells(column_of: Int32Array, words: Words, behind: int, out: Pools) -> None:
+    """Pool columns by two and two by OR, and the cells again.
 
     Cell x of a level pools cells 2 x - `behind` and the next of the one below.
     """
-    words, rows = uncounted(words), uncounted(rows)
+    column_of, words, rows, row_of = uncounted(column_of), uncounted(words), uncounted(out.rows), uncounted(out.row_of)
+    first, shape = uncounted(out.first), uncounted(out.shape)
     rows[EMPTY] = 0
     n = EMPTY + 1
     for x in range(shape[1, 0]):
@@ -166,30 +201,22 @@ def _pool_cells(
                 cell = first[level] + x * shape[level, 1] + y
                 row_of[cell] = n if _any_of(a, b, c, d, rows, rows, n) else EMPTY
                 n += row_of[cell] != EMPTY
-    return n
 
 
 @njit(cache=True, nogil=True)
-def _pool_windows(
-    column_of: Int32Array,
-    words: Words,
-    behind: int,
-    all_of_them: bool,
-    first: IntArray,
-    shape: IntArray,
-    row_of: Int32Array,
-    rows: Words,
-) -> int:
-    """Pool three by three columns by AND or OR, and the windows again; how many rows there are.
+def _pool_windows(column_of: Int32Array, words: Words, behind: int, all_of_them: bool, out: Pools) -> None:
+    """Pool three by three columns by AND or OR, and the windows again.
 
     Window x of level 1 begins with column 2 x - `behind`, that of another level with window 2 x - 1 of the one below.
     """
-    words, rows = uncounted(words), uncounted(rows)
-    flat = column_of.ravel()
+    columns, words, rows, row_of = (
+        uncounted(column_of.ravel()), uncounted(words), uncounted(out.rows), uncounted(out.row_of),
+    )  # fmt: skip
+    first, shape = uncounted(out.first), uncounted(out.shape)
     rows[EMPTY] = 0
     n = EMPTY + 1
     for level in range(1, TOP + 1):
-        below, source, fine = (flat, words, 0) if level == 1 else (row_of, rows, first[level - 1])
+        below, source, fine = (columns, words, 0) if level == 1 else (row_of, rows, first[level - 1])
         n_x, n_y = column_of.shape if level == 1 else (shape[level - 1, 0], shape[level - 1, 1])
         back = behind if level == 1 else 1
         for x in range(shape[level, 0]):
@@ -201,7 +228,6 @@ def _pool_windows(
                     there = _any_of_nine(below, fine, n_x, n_y, u, v, source, rows, n)
                 row_of[first[level] + x * shape[level, 1] + y] = n if there else EMPTY
                 n += there
-    return n
 
 
 @njit(cache=True, nogil=True, inline="always")

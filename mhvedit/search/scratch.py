@@ -14,14 +14,19 @@ class Scratch:
 
     def __init__(self) -> None:
         self._memory: dict[str, NDArray[np.uint8]] = {}
+        self._last: dict[str, NDArray[Any]] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
         """An array with no defined contents; the last one of that name loses its own."""
+        last = self._last.get(name)
+        if last is not None and last.shape == shape and last.dtype == dtype:
+            return last
         size = prod(shape) * np.dtype(dtype).itemsize
         memory = self._memory.get(name)
         if memory is None or memory.size < size:
             memory = self._memory[name] = _aligned(size)
-        return memory[:size].view(dtype).reshape(shape)
+        last = self._last[name] = memory[:size].view(dtype).reshape(shape)
+        return last
 
 
 def _aligned(size: int) -> NDArray[np.uint8]:

@@ -21,7 +21,7 @@ from mhvedit.search.columns import Columns, TurnedColumns, turned
 from mhvedit.search.facing import Facing, facings_of
 from mhvedit.search.meet import meets
 from mhvedit.search.poses import PoseGrid
-from mhvedit.search.pyramid import TurnedPyramid, turned_pyramid
+from mhvedit.search.pyramid import Room, TurnedPyramid, room_for, turned_pyramid
 from mhvedit.search.scratch import Scratch
 from mhvedit.search.sight import MutualSight, a_sees_b, b_sees_a, whole_columns
 from mhvedit.volumes.history import MotionHistoryVolume
@@ -95,6 +95,7 @@ def search_poses(
     if sight is not None:
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
     found = scratch.array("found", (grid.n_yaw, grid.size, grid.size), np.uint8)
+    whole = np.ones((grid.size, grid.size), np.bool_)
     asked = None if among is None else _by_yaw(among, scratch)
     along_x, along_y = grid.reach()
     desks = local()
@@ -103,8 +104,8 @@ def search_poses(
         if not hasattr(desks, "own"):
             desks.own = _Desk(prepared)
         for k in yaws:
-            alive = np.empty((grid.size, grid.size), np.bool_)
-            if _begin(along_x[k], along_y[k], alive if asked is None else asked[k], asked is None, alive, found[k]):
+            alive = np.empty_like(whole)
+            if _begin(along_x[k], along_y[k], whole if asked is None else asked[k], alive, found[k]):
                 _mark_reasons(grid, clauses, sight, desks.own, k, alive, found[k])
 
     portion = max(1, grid.n_yaw // PORTIONS)
@@ -130,7 +131,7 @@ class _Desk:
     def __init__(self, prepared: _Prepared) -> None:
         self.prepared = prepared
         self.scratch = Scratch()
-        self._of_turns: dict[int, Scratch] = {}
+        self._rooms: dict[int, Room] = {}
         self._turned: dict[int, TurnedPyramid] = {}
         self._yaw = np.nan
 
@@ -140,8 +141,9 @@ class _Desk:
             self._yaw, self._turned = yaw, {}
         key = id(facing.b)
         if key not in self._turned:
-            space = self._of_turns.setdefault(key, Scratch())
-            self._turned[key] = turned_pyramid(turned(facing.b, yaw, space), space, solid=facing.solid)
+            if key not in self._rooms:
+                self._rooms[key] = room_for(facing.b)
+            self._turned[key] = turned_pyramid(facing.b, yaw, self._rooms[key], solid=facing.solid)
         return self._turned[key]
 
 
@@ -212,14 +214,12 @@ def _mark_unseen(
 
 
 @njit(cache=True)
-def _begin(
-    along_x: BoolArray, along_y: BoolArray, asked: BoolArray, all_of_them: bool, alive: BoolArray, reason: ByteArray
-) -> bool:
+def _begin(along_x: BoolArray, along_y: BoolArray, asked: BoolArray, alive: BoolArray, reason: ByteArray) -> bool:
     """Let the poses in the window live that are asked for; whether there are any."""
     some = False
     for x in range(alive.shape[0]):
         for y in range(alive.shape[1]):
-            lives = along_x[x] & along_y[y] & (all_of_them | asked[x, y])
+            lives = along_x[x] & along_y[y] & asked[x, y]
             alive[x, y], reason[x, y] = lives, np.uint8(OUTSIDE) * np.uint8(not lives)
             some |= lives
     return some

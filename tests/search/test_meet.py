@@ -75,7 +75,7 @@ def meets_fast(
     meeting = Meeting(a, b, every)
     parts = []
     for facing in facings_of([meeting])[id(meeting)]:
-        b_turned = turned_pyramid(turned(facing.b, yaw), solid=facing.solid and thick)
+        b_turned = turned_pyramid(facing.b, yaw, solid=facing.solid and thick)
         parts.append(meets(facing.a, b_turned, base=base, stride=stride, asked=asked, every=facing.every))
     return np.asarray(np.logical_or.reduce(parts) if every is None else np.logical_and.reduce([asked, *parts]))
 
@@ -210,7 +210,7 @@ def test_each_level_pools_what_some_and_what_every_shift_of_a_block_can_meet(n_f
     low = volume.grid.start[2]
     layout = Layout(low - 2, SLABS, lanes_of(n_frames), 2)
     columns, bits = columns_of(volume, layout), bits_of(volume)
-    pyramid, still = pyramid_of(columns), turned_pyramid(turned(columns, 0.0))
+    pyramid, still = pyramid_of(columns), turned_pyramid(columns, 0.0)
     for level in range(1, TOP + 1):
         size = 1 << level
         pools = (
