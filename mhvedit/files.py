@@ -70,7 +70,10 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any] | Column]) -> Non
         path: of the file; replaced as a whole or not at all.
         arrays: by name.
     """
-    with replacing(path) as beside, zipfile.ZipFile(beside, "w") as container:
+    with (
+        replacing(path) as beside,
+        zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as container,
+    ):
         for name, array in arrays.items():
             member = zipfile.ZipInfo(f"{name}.npy")
             member.extra = _padding(container.start_dir + LOCAL_HEADER + len(member.filename.encode()))
@@ -79,7 +82,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any] | Column]) -> Non
             elif array.itemsize > 1 or array.size < WORTHWHILE:
                 _store(container, member, np.asarray(array, order="C"))
             else:
-                container.writestr(member, _npy(array), zipfile.ZIP_DEFLATED, LEVEL)
+                _deflate(container, member.filename, array)
 
 
 def load_npz(path: Path, *names: str, starting: str = "") -> dict[str, NDArray[Any]]:
@@ -183,14 +186,13 @@ def _store_column(container: zipfile.ZipFile, member: zipfile.ZipInfo, column: C
             file.write(rows.view(np.uint8).data)
 
 
-def _npy(array: NDArray[Any]) -> memoryview:
-    """An array as an .npy file has it. What NumPy offers for this copies twice, and keeps other threads waiting."""
-    array = np.ascontiguousarray(array)
-    header = _npy_header(array)
-    content = np.empty(len(header) + array.nbytes, np.uint8)
-    content[: len(header)] = np.frombuffer(header, np.uint8)
-    content[len(header) :] = array.reshape(-1).view(np.uint8)
-    return content.data
+def _deflate(container: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
+    """Compress bytes or flags, some rows at a time: however they lie in memory, no copy of all of them is made."""
+    rows = max(1, PIECE * len(array) // array.size)
+    with container.open(name, "w", force_zip64=array.nbytes >= zipfile.ZIP64_LIMIT) as file:
+        file.write(_npy_header(np.broadcast_to(array.dtype.type(0), array.shape)))
+        for first in range(0, len(array), rows):
+            file.write(np.ascontiguousarray(array[first : first + rows]).reshape(-1).view(np.uint8).data)
 
 
 def _npy_header(array: NDArray[Any]) -> bytes:

@@ -28,7 +28,7 @@ def distance_to_outside(inside: BoolArray, *, spacing: tuple[float, float, float
     Returns:
         (S,) in the order of `np.argwhere(inside)`.
     """
-    runs, starts = runs_along_rows(inside)
+    runs, starts = runs_along_rows(inside.view(np.uint8), 1)
     return distance_in_runs(runs, starts, inside.shape, spacing=spacing, workers=workers)
 
 

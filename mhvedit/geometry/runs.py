@@ -5,10 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import BoolArray, ByteArray, IntArray
+from mhvedit.geometry.arrays import ByteArray, IntArray
 
 THREADS = 2
 PORTIONS = 16  # in which a map is handed to the threads
+PIECE = 1 << 20  # values that are looked at together
 
 
 def run_lengths(values: ByteArray) -> tuple[ByteArray, IntArray]:
@@ -20,9 +21,11 @@ def run_lengths(values: ByteArray) -> tuple[ByteArray, IntArray]:
     Returns:
         (R,) their values, and (R,) how long they are; `np.repeat` makes the row of them again.
     """
-    starts = np.flatnonzero(values[1:] != values[:-1]) + 1
-    if len(values):
-        starts = np.append(0, starts)
+    changes = [np.zeros(min(len(values), 1), np.int64)]
+    for first in range(0, len(values) - 1, PIECE):
+        piece = values[first : first + PIECE + 1]
+        changes.append(np.flatnonzero(piece[1:] != piece[:-1]) + (first + 1))
+    starts = np.concatenate(changes)
     return values[starts], np.diff(starts, append=len(values))
 
 
@@ -39,17 +42,19 @@ def byte_counts(values: ByteArray, kinds: int) -> IntArray:
     return np.asarray(_counted(np.ascontiguousarray(values).reshape(-1))[:kinds])
 
 
-def runs_along_rows(inside: BoolArray) -> tuple[IntArray, IntArray]:
-    """The runs of a set of cells along the last axis.
+def runs_along_rows(values: ByteArray, value: int) -> tuple[IntArray, IntArray]:
+    """The runs of one value along the last axis.
 
     Args:
-        inside: (X, Y, Z).
+        values: (X, Y, Z); quickest where the first two axes lie together in memory, as of a map a plane for each z.
+        value: of the cells that are wanted.
 
     Returns:
         (R, 2) start and stop of each run, row by row, and (X * Y + 1,) where those of each row start.
     """
     with ThreadPoolExecutor(THREADS) as pool:
-        parts = list(pool.map(_runs_of_planes, np.array_split(inside, min(len(inside), PORTIONS))))
+        portions = np.array_split(values, min(len(values), PORTIONS))
+        parts = list(pool.map(lambda planes: _runs_of_planes(planes, value), portions))
     starts = np.concatenate([[0], np.cumsum(np.concatenate([count for _, count in parts]))])
     return np.concatenate([run for run, _ in parts]), starts
 
@@ -70,27 +75,47 @@ def _counted(values: ByteArray) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def _runs_of_planes(inside: BoolArray) -> tuple[IntArray, IntArray]:
-    """Runs of some planes, and how many each row has."""
-    n_x, n_y, n_z = inside.shape
-    count = np.zeros(n_x * n_y, np.int64)
-    for x in range(n_x):
-        for y in range(n_y):
-            before, total = False, 0
-            for z in range(n_z):
-                total += inside[x, y, z] and not before
-                before = inside[x, y, z]
-            count[x * n_y + y] = total
-    runs = np.empty((count.sum(), 2), np.int64)
+def _runs_of_planes(values: ByteArray, value: int) -> tuple[IntArray, IntArray]:
+    """Runs in some planes, and how many each row has."""
+    n_x, n_y, n_z = values.shape
+    count = np.zeros((n_x, n_y), np.int64)
+    plane = np.zeros((n_y, n_z + 1), np.uint8)
+    runs = np.empty((n_y, 2), np.int64)
     at = 0
     for x in range(n_x):
+        _lay_plane(values[x], value, plane, count[x])
+        more = at + count[x].sum()
+        if more > len(runs):
+            runs = np.concatenate((runs, np.empty((more, 2), np.int64)))
         for y in range(n_y):
-            if count[x * n_y + y] == 0:
-                continue
-            for z in range(n_z):
-                if inside[x, y, z]:
-                    if z == 0 or not inside[x, y, z - 1]:
-                        runs[at, 0] = z
-                        at += 1
-                    runs[at - 1, 1] = z + 1
-    return runs, count
+            if count[x, y] > 0:
+                at = _list_runs(plane[y], runs, at)
+    return runs[:at], count.reshape(-1)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lay_plane(values: ByteArray, value: int, plane: ByteArray, count: IntArray) -> None:
+    """Say where in a plane a value is, rows in one piece with a cell more that is none, and how many runs each has."""
+    n_y, n_z = values.shape
+    for z in range(n_z):
+        for y in range(n_y):
+            plane[y, z] = values[y, z] == value
+    for y in range(n_y):
+        edges = np.int64(plane[y, 0])
+        for z in range(n_z):
+            edges += plane[y, z] ^ plane[y, z + 1]
+        count[y] = edges // 2
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _list_runs(row: ByteArray, runs: IntArray, at: int) -> int:
+    """List the runs of a row from place `at` on; where the next goes."""
+    before = np.uint8(0)
+    for z in range(row.shape[0]):
+        if row[z] > before:
+            runs[at, 0] = z
+        elif row[z] < before:
+            runs[at, 1] = z
+            at += 1
+        before = row[z]
+    return at

@@ -14,7 +14,7 @@ from mhvedit.geometry.arrays import BoolArray, ByteArray, Int32Array
 from mhvedit.geometry.runs import run_lengths
 from mhvedit.pipeline.store import Arrays, Key, Store
 from mhvedit.search.poses import PoseGrid, pose_grid
-from mhvedit.search.solve import ACCEPTED, BASE_REASONS, OUTSIDE, ReasonMap
+from mhvedit.search.solve import ACCEPTED, BASE_REASONS, OUTSIDE, ReasonMap, map_by_yaw
 
 Search = Callable[[BoolArray | None], ReasonMap]  # (X, Y, Yaw) which poses to decide, None for all
 OPEN = 255  # what is not known of a pose
@@ -35,11 +35,10 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search) -> ReasonMap
         _keep(store, key, found)
         return found
     if kept["window"] == grid.window:
-        return ReasonMap(grid, _kept_map(kept, grid), tuple(kept["reasons"].tolist()))
+        return map_by_yaw(grid, _kept_map(kept, grid), tuple(kept["reasons"].tolist()))
     x, y = grid.reach()
-    inside = np.logical_and(x.T[:, None], y.T[None, :], order="C")
-    every = ReasonMap(grid, np.where(inside, np.uint8(ACCEPTED), np.uint8(OUTSIDE)), BASE_REASONS)
-    return decided_further(store, key, every, search)
+    every = np.where(x[:, :, None] & y[:, None, :], np.uint8(ACCEPTED), np.uint8(OUTSIDE))
+    return decided_further(store, key, map_by_yaw(grid, every, BASE_REASONS), search)
 
 
 def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) -> ReasonMap:
@@ -54,7 +53,7 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
     Returns:
         The map with the further reasons behind its own.
     """
-    kept, grid = store.kept(key), found.grid
+    kept, grid, reason = store.kept(key), found.grid, found.by_yaw
     if kept is None:
         more = search(found.accepted)
         _keep(store, key, more)
@@ -64,45 +63,45 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
     values, lengths = (kept["values"], kept["lengths"]) if known is None else _runs(known)
     instead_of = np.arange(len(reasons), dtype=np.uint8) + np.uint8(len(found.reasons) - len(BASE_REASONS))
     instead_of[[ACCEPTED, OUTSIDE]] = ACCEPTED, OPEN
-    told = ReasonMap(grid, found.reason, found.reasons + reasons[len(BASE_REASONS) :])
-    if _tell(found.reason, values, lengths, whole.size, instead_of):
-        left = found.reason == OPEN
-        more = search(left)
-        found.reason[left] = ACCEPTED
-        _with_reasons(found, more)
-        known = _laid(kept, whole) if known is None else known
-        _fill(known, left, more.reason)
-        _keep(store, key, ReasonMap(whole, known, reasons))
-    return told
+    told = map_by_yaw(grid, reason, found.reasons + reasons[len(BASE_REASONS) :])
+    if not _tell(reason, values, lengths, whole.size, instead_of):
+        return told
+    left = reason == OPEN
+    more = search(left.transpose(1, 2, 0))
+    known = _laid(kept, whole) if known is None else known
+    _fill(known, left, more.by_yaw)
+    _keep(store, key, map_by_yaw(whole, known, reasons))
+    return _with_reasons(ReasonMap(grid, told.reason, found.reasons), more)
 
 
 def _with_reasons(found: ReasonMap, more: ReasonMap) -> ReasonMap:
-    """A map whose accepted poses were tested for more; it takes the place of the first one."""
-    _blame(found.reason.reshape(-1), more.reason.reshape(-1), len(BASE_REASONS), len(found.reasons))
-    return ReasonMap(found.grid, found.reason, found.reasons + more.reasons[len(BASE_REASONS) :])
+    """A map whose accepted or open poses were tested for more; it takes the place of the first one."""
+    reason = found.by_yaw
+    _blame(reason.reshape(-1), more.by_yaw.reshape(-1), len(BASE_REASONS), len(found.reasons))
+    return map_by_yaw(found.grid, reason, found.reasons + more.reasons[len(BASE_REASONS) :])
 
 
 def _keep(store: Store, key: Key, found: ReasonMap) -> None:
     """Keep a map in place of a smaller one."""
-    values, lengths = _runs(found.reason)
+    values, lengths = _runs(found.by_yaw)
     window, reasons = np.array(found.grid.window), np.array(found.reasons)
     store.keep(key, {"values": values, "lengths": lengths, "reasons": reasons, "window": window})
 
 
 def _runs(reason: ByteArray) -> tuple[ByteArray, Int32Array]:
-    """Values and lengths of the runs of a map."""
+    """Values and lengths of the runs of a (Yaw, X, Y) map."""
     values, lengths = run_lengths(reason.reshape(-1))
     return values, lengths.astype(np.int32)
 
 
 def _laid(kept: Arrays, grid: PoseGrid) -> ByteArray:
-    """A kept map on a grid whose window is not smaller."""
+    """(Yaw, X, Y) a kept map on a grid whose window is not smaller."""
     before = _kept_map(kept, _with_window(grid, float(kept["window"])))
-    if grid.size == len(before):
+    if grid.size == before.shape[1]:
         return before
-    known = np.full((grid.size, grid.size, grid.n_yaw), OUTSIDE, np.uint8)
-    border = (grid.size - len(before)) // 2
-    known[border : border + len(before), border : border + len(before)] = before
+    known = np.full((grid.n_yaw, grid.size, grid.size), OUTSIDE, np.uint8)
+    inner = slice((grid.size - before.shape[1]) // 2, (grid.size + before.shape[1]) // 2)
+    known[:, inner, inner] = before
     return known
 
 
@@ -112,17 +111,20 @@ def _laid(kept: Arrays, grid: PoseGrid) -> ByteArray:
 @njit(cache=True, nogil=True)
 def _tell(reason: ByteArray, values: ByteArray, lengths: Int32Array, size: int, instead_of: ByteArray) -> bool:
     """Say what is known of accepted poses, in runs of a map of `size` that is not smaller; whether any is open."""
-    n_x, n_y, n_yaw = reason.shape
-    border, plane, out = (size - n_x) // 2, size * n_yaw, reason.reshape(-1)
-    first, last = border * n_yaw, (border + n_y) * n_yaw
+    _, n_x, n_y = reason.shape
+    border, out = (size - n_x) // 2, reason.reshape(-1)
     stop, some = 0, False
     for run in range(values.shape[0]):
         start, stop, told = stop, stop + lengths[run], instead_of[values[run]]
         if told == ACCEPTED:
             continue
-        for x in range(max(start // plane, border), min((stop - 1) // plane + 1, border + n_x)):
-            row = (x - border) * n_y * n_yaw - first - x * plane
-            low, high = max(start, x * plane + first) + row, min(stop, x * plane + last) + row
+        for row in range(start // size, (stop - 1) // size + 1):
+            k, x = divmod(row, size)
+            if x < border or x >= border + n_x:
+                continue
+            first = row * size + border
+            moved = (k * n_x + x - border) * n_y - first
+            low, high = max(start, first) + moved, min(stop, first + n_y) + moved
             for n in range(np.uint64(low), np.uint64(max(low, high))):
                 some |= told == OPEN and out[n] == ACCEPTED
                 out[n] = told if out[n] == ACCEPTED else out[n]
@@ -132,28 +134,32 @@ def _tell(reason: ByteArray, values: ByteArray, lengths: Int32Array, size: int, 
 @njit(cache=True, nogil=True)
 def _fill(known: ByteArray, left: BoolArray, found: ByteArray) -> None:
     """Say what was found of the poses that were not known."""
-    n_x, n_y, n_yaw = left.shape
-    border = (known.shape[0] - n_x) // 2
+    n_yaw, n_x, n_y = left.shape
+    border = (known.shape[1] - n_x) // 2
     reasons, asked, more = known.reshape(-1), left.view(np.uint8).reshape(-1), found.reshape(-1)
-    count = np.uint64(n_y * n_yaw)
-    for x in range(n_x):
-        at, to = np.uint64(((border + x) * known.shape[1] + border) * n_yaw), np.uint64(x) * count
-        for n in range(count):
-            reasons[at + n] = more[to + n] if asked[to + n] != 0 else reasons[at + n]
+    for k in range(n_yaw):
+        for x in range(n_x):
+            at = np.uint64((k * known.shape[1] + border + x) * known.shape[2] + border)
+            to = np.uint64((k * n_x + x) * n_y)
+            for n in range(np.uint64(n_y)):
+                reasons[at + n] = more[to + n] if asked[to + n] != 0 else reasons[at + n]
 
 
 @njit(cache=True, nogil=True)
 def _blame(reason: ByteArray, more: ByteArray, first: int, instead: int) -> None:
-    """Say why poses were rejected further on: by reason `first` and later ones, which come to stand as `instead`."""
+    """Say why poses were rejected further on: by reason `first` and later ones, which come to stand as `instead`; open
+    poses that were not, are accepted.
+    """
     least, up = np.uint8(first), np.uint8(instead - first)
     for n in range(np.uint64(reason.shape[0])):
-        reason[n] = more[n] + up if more[n] >= least else reason[n]
+        before = np.uint8(ACCEPTED) if reason[n] == OPEN else reason[n]
+        reason[n] = more[n] + up if more[n] >= least else before
 
 
 def _kept_map(kept: Arrays, grid: PoseGrid) -> ByteArray:
-    """(X, Y, Yaw) the map that is kept of a grid."""
+    """(Yaw, X, Y) the map that is kept of a grid."""
     reason = np.repeat(np.asarray(kept["values"], np.uint8), kept["lengths"])
-    return reason.reshape(grid.size, grid.size, grid.n_yaw)
+    return reason.reshape(grid.n_yaw, grid.size, grid.size)
 
 
 def _with_window(grid: PoseGrid, window: float) -> PoseGrid:

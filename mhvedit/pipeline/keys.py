@@ -23,9 +23,9 @@ from mhvedit.volumes.subject import BODY
 # Raise a stage's number when its results change.
 FRAMES: Final = 1
 VOLUMES: Final = 1
-CONTACT: Final = 2
-BODIES: Final = 3
-SIGHT: Final = 3
+CONTACT: Final = 3
+BODIES: Final = 4
+SIGHT: Final = 4
 CENTRES: Final = 1
 GROUP: Final = 3
 

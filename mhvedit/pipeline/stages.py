@@ -37,7 +37,6 @@ from mhvedit.pipeline.terms import (
 from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.groups import located_solutions
 from mhvedit.search.poses import PoseGrid
-from mhvedit.search.scratch import Scratch
 from mhvedit.search.sight import MutualSight
 from mhvedit.search.solve import ReasonMap, SightTest, search_poses
 from mhvedit.sequences.segments import SegmentPair
@@ -136,7 +135,7 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
         progress: told the share of the search that is done.
     """
     volumes = cache(lambda: volumes_of(stages))
-    spec, search = stages.spec, partial(search_poses, grid, workers=stages.workers, scratch=Scratch())
+    spec, search = stages.spec, partial(search_poses, grid, workers=stages.workers)
 
     def contact(among: BoolArray | None) -> ReasonMap:
         return search(contact_clauses(spec, *volumes()), among=among, progress=progress)
@@ -188,7 +187,7 @@ def group_of(
             "penalty": _penalties(stages, grid, cells),
             "n_regions": region.max(initial=-1) + 1,
             "reasons": np.array(found.reasons),
-            "counts": byte_counts(found.reason, len(found.reasons)),
+            "counts": byte_counts(found.by_yaw, len(found.reasons)),
         }
 
     return stages.store.arrays(stages.of_group, build, names=names)

@@ -10,7 +10,7 @@ from mhvedit.geometry.distance import distance_in_runs, distance_to_outside
 from mhvedit.geometry.planar import rotation
 from mhvedit.geometry.runs import runs_along_rows
 from mhvedit.search.poses import PoseGrid, lattice_pose
-from mhvedit.search.solve import ReasonMap
+from mhvedit.search.solve import ACCEPTED, ReasonMap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,18 +52,18 @@ def located_solutions(found: ReasonMap, *, lever: float) -> tuple[IntArray | Int
     Returns:
         (S,) cells of the flattened grid, ascending; (S,) region, (S,) clearance as in `SolutionGroup`.
     """
-    accepted = found.accepted
-    runs, starts = runs_along_rows(accepted)
-    region = _numbered(runs, _joined(runs, starts, accepted.shape))
+    shape = found.reason.shape
+    runs, starts = runs_along_rows(found.reason, ACCEPTED)
+    region = _numbered(runs, _joined(runs, starts, shape))
     yaw_step = 2 * np.pi / found.grid.n_yaw * lever
     cells: IntArray | Int32Array
-    if accepted.size < 2**31:
+    if found.reason.size < 2**31:
         cells = np.empty(len(region), np.int32)
     else:
         cells = np.empty(len(region), np.int64)
-    _list_cells(runs, starts, accepted.shape[2], cells)
+    _list_cells(runs, starts, shape[2], cells)
     spacing = (found.grid.step, found.grid.step, yaw_step)
-    return cells, region, distance_in_runs(runs, starts, accepted.shape, spacing=spacing)
+    return cells, region, distance_in_runs(runs, starts, shape, spacing=spacing)
 
 
 def described(
@@ -99,7 +99,7 @@ def connected_regions(accepted: BoolArray) -> Int32Array:
     Returns:
         (S,) region of each accepted cell, in the order of `np.argwhere`.
     """
-    runs, starts = runs_along_rows(accepted)
+    runs, starts = runs_along_rows(accepted.view(np.uint8), 1)
     return _numbered(runs, _joined(runs, starts, accepted.shape))
 
 

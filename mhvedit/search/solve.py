@@ -8,15 +8,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import local
-from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mhvedit.constraints.clauses import Clause, Option
 from mhvedit.constraints.visibility import NOT_SEEN_BY_A, NOT_SEEN_BY_B
 from mhvedit.geometry.arrays import BoolArray, ByteArray
+from mhvedit.geometry.runs import byte_counts
 from mhvedit.search.columns import Columns, TurnedColumns, turned
 from mhvedit.search.facing import Facing, facings_of
 from mhvedit.search.meet import meets
@@ -36,8 +35,13 @@ class ReasonMap:
     """What accepted or first rejected each pose of a grid."""
 
     grid: PoseGrid
-    reason: ByteArray  # (X, Y, Yaw) index into reasons
+    reason: ByteArray  # (X, Y, Yaw) index into reasons; of a search it lies in memory as `by_yaw`
     reasons: tuple[str, ...]  # 0: accepted, 1: outside the window, then the constraints in order
+
+    @property
+    def by_yaw(self) -> ByteArray:
+        """(Yaw, X, Y) the reasons, in one piece."""
+        return np.ascontiguousarray(self.reason.transpose(2, 0, 1))
 
     @property
     def accepted(self) -> BoolArray:
@@ -46,8 +50,13 @@ class ReasonMap:
 
     def counts(self) -> dict[str, int]:
         """How many poses each reason took."""
-        numbers = np.bincount(self.reason.ravel(), minlength=len(self.reasons))
+        numbers = byte_counts(self.by_yaw, len(self.reasons))
         return {name: int(n) for name, n in zip(self.reasons, numbers, strict=True)}
+
+
+def map_by_yaw(grid: PoseGrid, reason: ByteArray, reasons: tuple[str, ...]) -> ReasonMap:
+    """A map from its (Yaw, X, Y) reasons."""
+    return ReasonMap(grid, reason.transpose(1, 2, 0), reasons)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +85,6 @@ def search_poses(
     among: BoolArray | None = None,
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
-    scratch: Scratch | None = None,
 ) -> ReasonMap:
     """Test every pose of a grid, exactly (Shi et al., section 4.3.2).
 
@@ -87,16 +95,14 @@ def search_poses(
         among: (X, Y, Yaw) poses to test; the others come back as outside the window. None for all.
         workers: threads; the result does not depend on it.
         progress: told the share that is done, 0 to 1.
-        scratch: for what is not needed afterwards.
     """
-    scratch = scratch or Scratch()
     prepared = _prepare(clauses, sight)
     reasons = BASE_REASONS + tuple(clause.reason for clause in clauses)
     if sight is not None:
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
-    found = scratch.array("found", (grid.n_yaw, grid.size, grid.size), np.uint8)
+    found = np.empty((grid.n_yaw, grid.size, grid.size), np.uint8)
     whole = np.ones((grid.size, grid.size), np.bool_)
-    asked = None if among is None else _by_yaw(among, scratch)
+    asked = None if among is None else np.ascontiguousarray(among.transpose(2, 0, 1))
     along_x, along_y = grid.reach()
     desks = local()
 
@@ -114,7 +120,7 @@ def search_poses(
         for done, _ in enumerate(pool.map(decide, portions), start=1):
             if progress is not None:
                 progress(done / len(portions))
-    return ReasonMap(grid, _by_place(found), reasons)
+    return map_by_yaw(grid, found, reasons)
 
 
 def _prepare(clauses: Sequence[Clause], sight: SightTest | None) -> _Prepared:
@@ -245,28 +251,3 @@ def _mark(reason: ByteArray, alive: BoolArray, passed: BoolArray, number: int) -
             reason[x, y] |= np.uint8(number) * np.uint8(alive[x, y] & (not passed[x, y]))
             some |= passed[x, y]
     return some
-
-
-def _by_yaw(among: BoolArray, scratch: Scratch) -> BoolArray:
-    """(X, Y, K) as (K, X, Y)."""
-    n_x, n_y, n_k = among.shape
-    out = scratch.array("asked", (n_k, n_x, n_y), np.bool_)
-    _lay(among, out.transpose(1, 2, 0))
-    return out
-
-
-def _by_place(found: ByteArray) -> ByteArray:
-    """(K, X, Y) as (X, Y, K)."""
-    n_k, n_x, n_y = found.shape
-    out = np.empty((n_x, n_y, n_k), np.uint8)
-    _lay(found.transpose(1, 2, 0), out)
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _lay(source: NDArray[Any], out: NDArray[Any]) -> None:
-    """Copy (X, Y, K) into an array that lies otherwise in memory, a plane of X at a time."""
-    for x in range(np.uint64(out.shape[0])):
-        for k in range(np.uint64(out.shape[2])):
-            for y in range(np.uint64(out.shape[1])):
-                out[x, y, k] = source[x, y, k]
