@@ -1,6 +1,7 @@
 """Files that are there whole or not at all: written beside, then renamed."""
 
 import io
+import math
 import os
 import struct
 import threading
@@ -12,10 +13,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Literal
+from typing import IO, Any, BinaryIO, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 LEVEL: Final = 3  # of compression; with higher ones writing takes longer than it saves
 WORTHWHILE: Final = 4096  # bytes; smaller arrays are neither compressed nor mapped
@@ -24,7 +25,7 @@ FIELD: Final = struct.Struct("<HH")
 PADDING: Final = 0xD935  # kind of an extra field that says nothing
 ALIGNED: Final = 64  # bytes
 HEADER: Final = 1024  # bytes that the header of an array takes at most
-PIECE: Final = 1 << 16  # rows of a column that are made at a time
+PIECE: Final = 1 << 16  # numbers of a column that are made at a time
 # NumPy reads the header of an array with `ast`, which fails now and then in CPython 3.11 where two threads do so at the
 # same time (python/cpython#106905): so one does at a time.
 ONE_HEADER: Final = threading.Lock()
@@ -32,10 +33,11 @@ ONE_HEADER: Final = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Numbers that are made while they are written, without ever being all in memory."""
+    """Rows that are made while they are written, without ever being all in memory."""
 
-    size: int
-    fill: Callable[[int, NDArray[np.float64]], None]  # from that row on
+    shape: tuple[int, ...]
+    fill: Callable[[int, NDArray[Any]], None]  # from that row on
+    dtype: DTypeLike = np.float64
 
 
 @contextmanager
@@ -75,14 +77,11 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any] | Column]) -> Non
         zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as container,
     ):
         for name, array in arrays.items():
-            member = zipfile.ZipInfo(f"{name}.npy")
-            member.extra = _padding(container.start_dir + LOCAL_HEADER + len(member.filename.encode()))
-            if isinstance(array, Column):
-                _store_column(container, member, array)
-            elif array.itemsize > 1 or array.size < WORTHWHILE:
-                _store(container, member, np.asarray(array, order="C"))
-            else:
-                _deflate(container, member.filename, array)
+            header = _npy_header(np.broadcast_to(np.zeros((), array.dtype), array.shape))
+            with _member(container, f"{name}.npy", array, len(header)) as file:
+                file.write(header)
+                for piece in _pieces(array):
+                    file.write(piece.reshape(-1).view(np.uint8).data)
 
 
 def load_npz(path: Path, *names: str, starting: str = "") -> dict[str, NDArray[Any]]:
@@ -164,35 +163,31 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
     return np.asarray(array if array.flags.aligned else array.copy())
 
 
-def _store(container: zipfile.ZipFile, member: zipfile.ZipInfo, array: NDArray[Any]) -> None:
-    """Write an array as it is, without a copy of it in memory."""
-    header = _npy_header(array)
-    member.file_size = len(header) + array.nbytes  # decides whether the sizes take 64 bits
-    with container.open(member, "w") as file:
-        file.write(header)
-        file.write(array.reshape(-1).view(np.uint8).data)
+def _member(container: zipfile.ZipFile, name: str, array: NDArray[Any] | Column, header: int) -> IO[bytes]:
+    """Begin to write an array with a header of so many bytes: compressed, or where it can be mapped later."""
+    count, itemsize = math.prod(array.shape), np.dtype(array.dtype).itemsize
+    if itemsize == 1 and count >= WORTHWHILE:
+        return container.open(name, "w", force_zip64=count >= zipfile.ZIP64_LIMIT)
+    member = zipfile.ZipInfo(name)
+    member.extra = _padding(container.start_dir + LOCAL_HEADER + len(name.encode()))
+    member.file_size = header + count * itemsize  # decides whether the sizes take 64 bits
+    return container.open(member, "w")
 
 
-def _store_column(container: zipfile.ZipFile, member: zipfile.ZipInfo, column: Column) -> None:
-    """Make a column and write it, piece by piece."""
-    header = _npy_header(np.broadcast_to(np.float64(0), column.size))
-    member.file_size = len(header) + column.size * np.dtype(np.float64).itemsize
-    piece = np.empty(min(column.size, PIECE))
-    with container.open(member, "w") as file:
-        file.write(header)
-        for first in range(0, column.size, PIECE):
-            rows = piece[: column.size - first]
-            column.fill(first, rows)
-            file.write(rows.view(np.uint8).data)
-
-
-def _deflate(container: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
-    """Compress bytes or flags, some rows at a time: however they lie in memory, no copy of all of them is made."""
-    rows = max(1, PIECE * len(array) // array.size)
-    with container.open(name, "w", force_zip64=array.nbytes >= zipfile.ZIP64_LIMIT) as file:
-        file.write(_npy_header(np.broadcast_to(array.dtype.type(0), array.shape)))
-        for first in range(0, len(array), rows):
-            file.write(np.ascontiguousarray(array[first : first + rows]).reshape(-1).view(np.uint8).data)
+def _pieces(array: NDArray[Any] | Column) -> Iterator[NDArray[Any]]:
+    """An array in pieces that lie in memory as they are written; of a column, one where the last one was."""
+    if not isinstance(array, Column) and array.flags.c_contiguous:
+        yield array
+        return
+    count, n = array.shape[0], max(1, PIECE // max(1, math.prod(array.shape[1:])))
+    piece = np.empty((min(count, n), *array.shape[1:]), array.dtype)
+    for first in range(0, count, n):
+        rows = piece[: count - first]
+        if isinstance(array, Column):
+            array.fill(first, rows)
+        else:
+            rows[:] = array[first : first + n]
+        yield rows
 
 
 def _npy_header(array: NDArray[Any]) -> bytes:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
+from numpy.typing import NDArray
 
 from mhvedit.files import ALIGNED, PIECE, Column, load_npz, map_arrays, read_arrays, replacing, write_arrays
 from mhvedit.geometry.arrays import FloatArray
@@ -17,15 +18,27 @@ from mhvedit.geometry.arrays import FloatArray
 KINDS = (np.uint8, np.bool_, np.int32, np.uint64, np.float64)
 
 
-def test_a_column_is_written_as_if_it_were_an_array(tmp_path: Path) -> None:
-    numbers = np.random.default_rng(0).normal(size=PIECE + 3)
+@pytest.mark.parametrize("dtype", [np.float64, np.uint8])
+def test_a_column_is_written_as_if_it_were_an_array(dtype: type, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
 
     def fill(first: int, out: FloatArray) -> None:
         out[:] = numbers[first : first + len(out)]
 
-    for size in (0, 1, PIECE, PIECE + 3):
-        write_arrays(tmp_path / "a.npz", {"n": numbers[:size], "m": np.arange(5)})
-        write_arrays(tmp_path / "b.npz", {"n": Column(size, fill), "m": np.arange(5)})
+    for shape in ((0,), (1,), (PIECE,), (PIECE + 3,), (3, PIECE // 2, 2), (7, 5), (0, 4)):
+        numbers: NDArray[Any] = rng.normal(size=shape).astype(dtype)
+        write_arrays(tmp_path / "a.npz", {"n": numbers, "m": np.arange(5)})
+        write_arrays(tmp_path / "b.npz", {"n": Column(shape, fill, dtype), "m": np.arange(5)})
+        assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_arrays_are_written_however_they_lie_in_memory(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    for kind, shape in ((np.uint8, (70, 50, 40)), (np.float64, (300, 500)), (np.float64, (40, 3))):
+        straight: NDArray[Any] = rng.integers(0, 5, shape).astype(kind)
+        turned = np.asfortranarray(straight)
+        write_arrays(tmp_path / "a.npz", {"n": straight, "zeros": np.zeros(PIECE * 2)})
+        write_arrays(tmp_path / "b.npz", {"n": turned, "zeros": np.broadcast_to(np.zeros(1), PIECE * 2)})
         assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 

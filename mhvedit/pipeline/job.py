@@ -138,7 +138,7 @@ def solve(
             miss = explain_empty(job.scene, segment, people, store=job.store, workers=workers)
         if solved is not None:
             solved(segment)
-        return segment, miss, time.perf_counter() - started
+        return segment.kept(), miss, time.perf_counter() - started
 
     with ThreadPoolExecutor(min(workers, AT_ONCE)) as pool:
         futures = [pool.submit(one, spec) for spec in job.scene.segments]

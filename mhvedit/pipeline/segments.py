@@ -1,7 +1,7 @@
 """One key segment and all its solutions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -124,6 +124,10 @@ class SolvedSegment:
             rows: (N,) of the group.
         """
         return self.places.keys(rows)
+
+    def kept(self) -> "SolvedSegment":
+        """The segment without the large things that were just made: they are kept, and fetched when asked for."""
+        return self if self.made is None else replace(self, made=None)
 
     def volumes(self) -> Pair:
         """Both subjects' volumes."""

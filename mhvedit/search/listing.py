@@ -10,11 +10,12 @@ import numpy as np
 from numba import njit
 
 from mhvedit.files import Column
-from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.arrays import ByteArray, FloatArray, IntArray
 from mhvedit.geometry.planar import rotation, wrap_angle
 from mhvedit.geometry.uncounted import uncounted
 from mhvedit.search.groups import seen_from
 from mhvedit.search.poses import PoseGrid
+from mhvedit.search.solve import ReasonMap
 
 Lattice = tuple[int, IntArray, float]  # size, base and step of a grid
 
@@ -41,7 +42,7 @@ def listed(
     lattice = grid.size, grid.base, grid.step
 
     def column(fill: Callable[..., None], *terms: object) -> Column:
-        return Column(len(cells), partial(_filled, fill, cells, terms))
+        return Column((len(cells),), partial(_filled, fill, cells, terms))
 
     return {
         "x": column(_fill_place, lattice, left[0], c, s, np.cos(turn) * right[0], np.sin(turn) * right[1]),
@@ -51,6 +52,16 @@ def listed(
         "theta_a": column(_fill_theta, lattice, roots, facing[0], np.full(grid.n_yaw, np.pi)),
         "theta_b": column(_fill_theta, lattice, roots, facing[1], -grid.yaws),
     }
+
+
+def reasons_listed(found: ReasonMap) -> Column:
+    """(X, Y, Yaw) the reasons of a map, which lie in memory yaw by yaw."""
+    planes = found.by_yaw
+
+    def fill(first: int, out: ByteArray) -> None:
+        _lay_rows(planes, first, out)
+
+    return Column(found.reason.shape, fill, np.uint8)
 
 
 def _filled(fill: Callable[..., None], cells: IntArray, terms: tuple[object, ...], first: int, out: FloatArray) -> None:
@@ -114,3 +125,12 @@ def _fill_theta(
         i, j, k = _moved_on(cells[max(n - 1, 0)], cells[n], i, j, k, size, len(base))
         x, y = (base[k, 0] + i) * step, (base[k, 1] + j) * step
         out[n] = seen_from(np.arctan2(y + roots[k, 1], x + roots[k, 0]), facing, turns[k])
+
+
+@njit(cache=True, nogil=True)
+def _lay_rows(planes: ByteArray, first: int, out: ByteArray) -> None:
+    """Lay rows of (Yaw, X, Y) from the first on out as (X, Y, Yaw)."""
+    for x in range(np.uint64(out.shape[0])):
+        for k in range(np.uint64(out.shape[2])):
+            for y in range(np.uint64(out.shape[1])):
+                out[x, y, k] = planes[k, first + x, y]
