@@ -73,7 +73,7 @@ class FftSearch:
     def _where_met(self, meeting: Meeting, asked: BoolArray) -> BoolArray:
         """(K, X, Y) of the poses asked for, those at which the two volumes meet."""
         if id(meeting.b) not in self.turns:
-            self.turns[id(meeting.b)] = [turn_of(meeting.b, float(self.grid.yaws[k])) for k in self.yaws]
+            self.turns[id(meeting.b)] = [turn_of(meeting.b.whole, float(self.grid.yaws[k])) for k in self.yaws]
         turns = self.turns[id(meeting.b)]
         if meeting.every is None and meeting.a.n_frames > 1:  # what never meets over all time needs no frames
             asked = self._met_in_frames(without_time(meeting), asked, turns)
@@ -167,7 +167,8 @@ def turn_of(volume: MotionHistoryVolume, yaw: float) -> Turn:
 
 def without_time(meeting: Meeting) -> Meeting:
     """The same two volumes, filled where they ever are."""
-    a, b = (MotionHistoryVolume(v.grid, v.filled[..., None].astype(np.uint64), 1) for v in (meeting.a, meeting.b))
+    wholes = meeting.a.whole, meeting.b.whole
+    a, b = (MotionHistoryVolume(v.grid, v.filled[..., None].astype(np.uint64), 1) for v in wholes)
     return Meeting(a, b)
 
 
@@ -178,7 +179,7 @@ def frames_in(words: Words) -> list[int]:
 
 def slices_in_common(meeting: Meeting, frame: int) -> tuple[Slices, Slices, int]:
     """(Z, X, Y) of A and of B at those heights at which neither is empty in a frame, and how many."""
-    a, b = meeting.a, meeting.b
+    a, b = meeting.a.whole, meeting.b.whole
     low, high = max(a.grid.start[2], b.grid.start[2]), min(a.grid.stop[2], b.grid.stop[2])
     sides = [v.at(frame)[:, :, max(0, low - v.grid.start[2]) : max(0, high - v.grid.start[2])] for v in (a, b)]
     common = sides[0].any((0, 1)) & sides[1].any((0, 1))

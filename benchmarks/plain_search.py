@@ -61,8 +61,8 @@ def _holds(option: Option, grid: PoseGrid, cell: IntArray, turned: Turned) -> bo
 
 def _met(meeting: Meeting, grid: PoseGrid, cell: IntArray, turned: Turned) -> bool:
     if id(meeting.b) not in turned:
-        turned[id(meeting.b)] = turned_voxels(meeting.b, float(grid.yaws[cell[2]]))
-    moved, a = turned[id(meeting.b)], meeting.a
+        turned[id(meeting.b)] = turned_voxels(meeting.b.whole, float(grid.yaws[cell[2]]))
+    moved, a = turned[id(meeting.b)], meeting.a.whole
     shift = np.append((grid.base[cell[2]] + cell[:2]) * grid.stride, 0)
     places = moved.places + shift - a.grid.start
     inside = ((places >= 0) & (places < a.grid.shape)).all(1)

@@ -9,16 +9,21 @@ its rejection.
 from dataclasses import dataclass
 
 from mhvedit.geometry.arrays import Words
-from mhvedit.volumes.history import MotionHistoryVolume
+from mhvedit.volumes.history import Volume, is_empty
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Meeting:
     """Two volumes with bits on one time line; `every` asks for all of these bits, not just for any."""
 
-    a: MotionHistoryVolume
-    b: MotionHistoryVolume
+    a: Volume
+    b: Volume
     every: Words | None = None  # (W,)
+
+    @property
+    def possible(self) -> bool:
+        """Whether both hold anything."""
+        return not (is_empty(self.a) or is_empty(self.b))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

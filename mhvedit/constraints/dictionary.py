@@ -126,16 +126,12 @@ def _at_moments(
     ever_a, ever_b = ever(a), ever(b)
     wrong_a, wrong_b = difference(ever_a, right_a), difference(ever_b, right_b)
     near = Meeting(dilated(right_a, slack.voxels), right_b)
-    shared = tuple(m for m in (Meeting(wrong_a, ever_b), Meeting(ever_a, wrong_b)) if _possible(m))
+    shared = tuple(m for m in (Meeting(wrong_a, ever_b), Meeting(ever_a, wrong_b)) if m.possible)
     return (
         _touching(ever_a, ever_b, slack),
         Clause(MISSES_ITS_MOMENT, (Option(must=(near,)),)),
         Clause(TOUCHES_AT_A_WRONG_MOMENT, (Option(never=shared),)),
     )
-
-
-def _possible(meeting: Meeting) -> bool:
-    return bool(meeting.a.frames.any() and meeting.b.frames.any())
 
 
 def _throughout(a: MotionHistoryVolume, b: MotionHistoryVolume, slack: Slack) -> tuple[Clause, ...]:

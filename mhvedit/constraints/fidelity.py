@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from mhvedit.constraints.clauses import Clause, Meeting, Option
 from mhvedit.constraints.dictionary import InteractionType
-from mhvedit.volumes.history import MotionHistoryVolume, eroded
+from mhvedit.volumes.history import MotionHistoryVolume, Volume, eroded
 from mhvedit.volumes.subject import (
     SubjectVolumes,
     all_of,
@@ -106,7 +106,7 @@ def _rests_meet(a: SubjectVolumes, b: SubjectVolumes, parts: tuple[str, str], de
     return _distinct(sides, deep) + _distinct(ends, deep)
 
 
-def _distinct(pairs: tuple[tuple[MotionHistoryVolume, MotionHistoryVolume], ...], deep: Depth) -> tuple[Meeting, ...]:
+def _distinct(pairs: tuple[tuple[Volume, Volume], ...], deep: Depth) -> tuple[Meeting, ...]:
     """The meetings that can happen; below a depth of one voxel nothing is eroded and both ways are the same."""
     chosen = pairs[:1] if deep.radius < 1 else pairs
-    return tuple(Meeting(a, b) for a, b in chosen if a.frames.any() and b.frames.any())
+    return tuple(meeting for meeting in (Meeting(a, b) for a, b in chosen) if meeting.possible)

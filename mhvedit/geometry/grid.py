@@ -1,11 +1,13 @@
 """The voxel lattice: voxel (i, j, k) has its centre at (i, j, k) * pitch, so lattices of one pitch always agree."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import FloatArray, IntArray
 
 Index3 = tuple[int, int, int]
 
@@ -62,9 +64,20 @@ def grown(grid: VoxelGrid, margin: int) -> VoxelGrid:
     return _grid(np.array(grid.start) - margin, np.array(grid.stop) + margin, grid.pitch)
 
 
-def cropped(filled: BoolArray, grid: VoxelGrid) -> VoxelGrid:
-    """The smallest box around the filled voxels; one voxel where there are none."""
-    low, high = _extent(filled)
+def overlap(a: VoxelGrid, b: VoxelGrid) -> VoxelGrid | None:
+    """The box that two boxes of one pitch have in common."""
+    start, stop = np.maximum(a.start, b.start), np.minimum(a.stop, b.stop)
+    return _grid(start, stop, a.pitch) if (start < stop).all() else None
+
+
+def cropped(filled: NDArray[Any], grid: VoxelGrid) -> VoxelGrid:
+    """The smallest box around the filled voxels; one voxel where there are none.
+
+    Args:
+        filled: (X, Y, Z) or (X, Y, Z, W) not 0 where a voxel is filled.
+        grid: the box that they are in.
+    """
+    low, high = _extent(filled.reshape(*grid.shape[:2], -1), grid.shape[2])
     if high[0] == 0:
         return VoxelGrid(grid.start, (1, 1, 1), grid.pitch)
     return _grid(np.array(grid.start) + low, np.array(grid.start) + high, grid.pitch)
@@ -96,20 +109,21 @@ def _grid(start: IntArray, stop: IntArray, pitch: float) -> VoxelGrid:
 
 
 @njit(cache=True, nogil=True)
-def _extent(filled: BoolArray) -> tuple[IntArray, IntArray]:
+def _extent(filled: NDArray[Any], n_z: int) -> tuple[IntArray, IntArray]:
     """(3,) first index of the filled voxels along each axis, and (3,) just past the last; 0 and 0 where none is."""
-    low, high = np.array(filled.shape), np.zeros(3, np.int64)
-    column = np.zeros(filled.shape[2], np.bool_)  # of which heights any is filled
-    for x in range(filled.shape[0]):
-        for y in range(filled.shape[1]):
-            some = False
-            for z in range(filled.shape[2]):
+    n_x, n_y, n = filled.shape
+    low, high = np.array([n_x, n_y, n_z]), np.zeros(3, np.int64)
+    ever = np.zeros(n, filled.dtype)  # of all columns
+    for x in range(n_x):
+        for y in range(n_y):
+            some = filled[x, y, 0]
+            for z in range(n):
                 some |= filled[x, y, z]
-                column[z] |= filled[x, y, z]
+                ever[z] |= filled[x, y, z]
             if some:
                 low[0], high[0] = min(low[0], x), x + 1
                 low[1], high[1] = min(low[1], y), max(high[1], y + 1)
-    for z in range(filled.shape[2]):
-        if column[z]:
-            low[2], high[2] = min(low[2], z), z + 1
+    for z in range(n):
+        if ever[z]:
+            low[2], high[2] = min(low[2], z * n_z // n), z * n_z // n + 1
     return low, high

@@ -56,7 +56,7 @@ def ground_clauses(
     if scene.stage.pin not in spec.between:
         return ()
     pinned = spec.between.index(scene.stage.pin)
-    other = all_of((b, a)[pinned])
+    other = all_of((b, a)[pinned]).whole
     canonical = invert(people[spec.between[pinned]].pose)  # of the stage in the pinned person's canonical frame
 
     def clause(reason: str, thing: MotionHistoryVolume, body: MotionHistoryVolume) -> Clause:

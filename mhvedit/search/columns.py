@@ -10,17 +10,19 @@ A volume is turned about z by looking up, for every column of the lattice, the c
 centre falls into.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray, Words
-from mhvedit.volumes.history import MotionHistoryVolume
+from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, Words
+from mhvedit.volumes.history import Volume
 
 WORD = 64  # bits
 BLOCK = 16  # turned columns come in multiples of so many
 EMPTY = 0  # number of the column that holds nothing
+Place = tuple[slice, slice]  # along x and y
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,7 @@ def fitted_layout(low: int, high: int, *, n_frames: int, n_slabs: int) -> Layout
     return Layout(low, n_slabs, lanes, max(1, -(-(high - low) // (n_slabs * lanes))))
 
 
-def columns_of(volume: MotionHistoryVolume, layout: Layout, *, word: int = 0) -> Columns:
+def columns_of(volume: Volume, layout: Layout, *, word: int = 0) -> Columns:
     """Collect the columns of a volume that hold anything.
 
     Args:
@@ -92,14 +94,37 @@ def columns_of(volume: MotionHistoryVolume, layout: Layout, *, word: int = 0) ->
         layout: of the heights that matter; what lies outside them is left out.
         word: which of the volume's words of 64 frames.
     """
-    z = volume.grid.start[2]
-    first, past = (min(max(at - z, 0), volume.frames.shape[2]) for at in (layout.low, layout.high))
-    frames = volume.frames[:, :, first:past, word]
-    column_of, cells = occupied(frames)
-    voxels = _packed(frames, cells, z + first - layout.low, layout.n_slabs, layout.lanes, layout.tall)
+    low, box, parts = layout.low, volume.grid, []
+    for piece in volume.pieces:
+        z = piece.grid.start[2]
+        first, past = (min(max(at - z, 0), piece.grid.shape[2]) for at in (low, layout.high))
+        parts.append((piece.grid.slices_in(box)[:2], piece.frames[:, :, first:past, word], z + first - low))
+    column_of, cells = occupied(box.shape[:2], [(where, frames) for where, frames, _ in parts])
+    voxels = np.zeros((len(cells) + 1, layout.n_slabs * layout.tall), np.uint64)
+    for where, frames, height in parts:
+        _pack(frames, height, layout.lanes, layout.tall, column_of[where], voxels)
     some, every = (voxels, voxels) if layout.tall == 1 else _pooled(voxels, layout.tall)
-    start = np.array(volume.grid.start[:2])
+    start = np.array(box.start[:2])
     return Columns(layout, column_of, start, some, every, voxels, outline_of(cells, start))
+
+
+def occupied(shape: tuple[int, int], parts: Sequence[tuple[Place, Words]]) -> tuple[Int32Array, Int32Array]:
+    """Number the columns that hold anything, from EMPTY + 1 on, row by row.
+
+    Args:
+        shape: columns along x and y.
+        parts: of each piece, where it lies among them, and its (X, Y, Z) words.
+
+    Returns:
+        (X, Y) the number of each column, and (C - 1, 2) x and y of those that have one.
+    """
+    some = np.zeros(shape, np.bool_)
+    for where, words in parts:
+        _mark_occupied(words, some[where])
+    cells = np.argwhere(some).astype(np.int32)
+    column_of = np.full(shape, EMPTY, np.int32)
+    column_of[some] = np.arange(EMPTY + 1, EMPTY + 1 + len(cells))
+    return column_of, cells
 
 
 def outline_of(cells: Int32Array, start: IntArray) -> FloatArray:
@@ -135,34 +160,30 @@ def aligned(low: int, high: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def occupied(frames: Words) -> tuple[Int32Array, Int32Array]:
-    """Number the columns that hold anything, from EMPTY + 1 on: (X, Y) number, and (C - 1, 2) x, y."""
-    column_of = np.full(frames.shape[:2], EMPTY, np.int32)
-    cells = np.empty((frames.shape[0] * frames.shape[1], 2), np.int32)
-    n = 0
-    for x in range(frames.shape[0]):
-        for y in range(frames.shape[1]):
-            if frames[x, y].any():
-                cells[n, 0], cells[n, 1] = x, y
-                n += 1
-                column_of[x, y] = EMPTY + n
-    return column_of, cells[:n].copy()
+def _mark_occupied(words: Words, some: BoolArray) -> None:
+    """Mark the columns that hold anything."""
+    for x in range(words.shape[0]):
+        for y in range(words.shape[1]):
+            found = np.uint64(0)
+            for z in range(words.shape[2]):
+                found |= words[x, y, z]
+            some[x, y] |= found != 0
 
 
 @njit(cache=True, nogil=True)
-def _packed(frames: Words, cells: Int32Array, low: int, n_slabs: int, lanes: int, tall: int) -> Words:
-    """(C, S tall) the words of the voxels of all columns, the empty one first; `low` is the height of voxel 0."""
-    voxels = np.zeros((cells.shape[0] + 1, n_slabs * tall), np.uint64)
+def _pack(frames: Words, low: int, lanes: int, tall: int, column_of: Int32Array, voxels: Words) -> None:
+    """Add what columns hold to the words of their voxels; `low` is the height of voxel 0 in the layout."""
     at, shift = np.empty(frames.shape[2], np.int64), np.empty(frames.shape[2], np.uint64)
     for z in range(frames.shape[2]):
         stretch, voxel = divmod(low + z, tall)
         slab, lane = divmod(stretch, lanes)
         at[z], shift[z] = slab * tall + voxel, np.uint64(lane * (WORD // lanes))
-    for n in range(cells.shape[0]):
-        column, out = frames[cells[n, 0], cells[n, 1]], voxels[n + 1]
-        for z in range(column.shape[0]):
-            out[at[z]] |= column[z] << shift[z]
-    return voxels
+    for x in range(frames.shape[0]):
+        for y in range(frames.shape[1]):
+            n = column_of[x, y]
+            if n != EMPTY:
+                for z in range(frames.shape[2]):
+                    voxels[n, at[z]] |= frames[x, y, z] << shift[z]
 
 
 @njit(cache=True, nogil=True)

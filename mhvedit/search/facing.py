@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from mhvedit.constraints.clauses import Meeting
 from mhvedit.search.columns import WORD, Columns, Layout, columns_of, fitted_layout
 from mhvedit.search.pyramid import SLABS, Pyramid, is_solid, pyramid_of
-from mhvedit.volumes.history import MotionHistoryVolume
+from mhvedit.volumes.history import Volume, word_count
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ def facings_of(meetings: Sequence[Meeting]) -> dict[int, tuple[Facing, ...]]:
     for meeting in meetings:
         a, b, own = meeting.a, meeting.b, []
         layout = fitted_layout(*heights[id(b)], n_frames=min(b.n_frames, WORD), n_slabs=SLABS)
-        for word in range(b.frames.shape[3]):
+        for word in range(word_count(b.n_frames)):
             every = None if meeting.every is None else int(meeting.every[word])
             if every == 0:
                 continue
@@ -62,7 +62,7 @@ def _heights(meetings: Sequence[Meeting]) -> dict[int, tuple[int, int]]:
     return found
 
 
-def _height(volume: MotionHistoryVolume) -> tuple[int, int]:
+def _height(volume: Volume) -> tuple[int, int]:
     """First and past-the-last lattice index of a volume along z."""
     low = volume.grid.start[2]
     return low, low + volume.grid.shape[2]

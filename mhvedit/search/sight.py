@@ -36,7 +36,8 @@ def whole_columns(volume: MotionHistoryVolume) -> Columns:
     """All that is ever filled of a volume, as it is looked at: of one moment, with slabs of 64 voxels."""
     start = np.array(volume.grid.start)
     layout = Layout(int(start[2]), max(1, -(-volume.frames.shape[2] // WORD)), WORD, 1)
-    column_of, cells = occupied(volume.frames.reshape(*volume.frames.shape[:2], -1))
+    shape = volume.grid.shape[:2]
+    column_of, cells = occupied(shape, [((slice(None), slice(None)), volume.frames.reshape(*shape, -1))])
     voxels = _ever(volume.frames, cells, layout.n_slabs)
     return Columns(layout, column_of, start[:2], voxels, voxels, voxels, outline_of(cells, start[:2]))
 

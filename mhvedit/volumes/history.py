@@ -6,13 +6,14 @@ that a motion may re-enter a voxel, and a test over all frames at once is a bitw
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 
 from mhvedit.errors import ShapeError
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array, IntArray, Words
-from mhvedit.geometry.grid import VoxelGrid, ball_offsets, cropped, united
+from mhvedit.geometry.grid import VoxelGrid, ball_offsets, cropped, overlap, united
 from mhvedit.geometry.uncounted import uncounted
 
 NEVER = -1  # t_start and t_end of a voxel that is never filled
@@ -30,6 +31,16 @@ class MotionHistoryVolume:
         expected = (*self.grid.shape, word_count(self.n_frames))
         if self.frames.shape != expected:
             raise ShapeError("frames", self.frames.shape, expected)
+
+    @property
+    def pieces(self) -> "tuple[MotionHistoryVolume, ...]":
+        """Itself, as of a `UnitedVolume`."""
+        return (self,)
+
+    @property
+    def whole(self) -> "MotionHistoryVolume":
+        """Itself, likewise."""
+        return self
 
     @property
     def last(self) -> int:
@@ -65,6 +76,34 @@ class MotionHistoryVolume:
     def at(self, frame: int) -> BoolArray:
         """(X, Y, Z) voxels that are filled in one frame."""
         return np.asarray(self.frames[..., frame // 64] >> np.uint64(frame % 64) & np.uint64(1), bool)
+
+
+@dataclass(frozen=True, eq=False)  # no slots: the whole is made when it is first asked for
+class UnitedVolume:
+    """Volumes of the same frames as one, filled where any of them is; the box around them may be many times theirs."""
+
+    pieces: tuple[MotionHistoryVolume, ...]  # at least one
+
+    @property
+    def n_frames(self) -> int:
+        """Tau."""
+        return self.pieces[0].n_frames
+
+    @cached_property
+    def grid(self) -> VoxelGrid:
+        """The smallest box that contains those of all."""
+        return united([piece.grid for piece in self.pieces])
+
+    @cached_property
+    def whole(self) -> MotionHistoryVolume:
+        """The volume on the box around all."""
+        frames = np.zeros((*self.grid.shape, word_count(self.n_frames)), np.uint64)
+        for piece in self.pieces:
+            frames[piece.grid.slices_in(self.grid)] |= piece.frames
+        return MotionHistoryVolume(self.grid, frames, self.n_frames)
+
+
+Volume = MotionHistoryVolume | UnitedVolume
 
 
 def word_count(n_frames: int) -> int:
@@ -115,28 +154,44 @@ def on_grid(volume: MotionHistoryVolume, grid: VoxelGrid) -> MotionHistoryVolume
 
 def trimmed(volume: MotionHistoryVolume) -> MotionHistoryVolume:
     """The same volume on the smallest box around what is ever filled."""
-    grid = cropped(volume.filled, volume.grid)
+    grid = cropped(volume.frames, volume.grid)
+    if grid == volume.grid:
+        return volume
     frames = np.ascontiguousarray(volume.frames[grid.slices_in(volume.grid)])
     return MotionHistoryVolume(grid, frames, volume.n_frames)
 
 
-def union(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
-    """Filled where either is."""
-    grid = united([a.grid, b.grid])
-    frames = np.zeros((*grid.shape, a.frames.shape[-1]), np.uint64)
-    frames[a.grid.slices_in(grid)] = a.frames
-    frames[b.grid.slices_in(grid)] |= b.frames
-    return MotionHistoryVolume(grid, frames, a.n_frames)
+def is_empty(volume: Volume) -> bool:
+    """Whether nothing is ever filled."""
+    return not any(_any(piece.frames.reshape(-1)) for piece in volume.pieces)
+
+
+def union(*volumes: Volume) -> Volume:
+    """Filled where any is.
+
+    Args:
+        volumes: of the same frames, at least one.
+    """
+    pieces = tuple(piece for volume in volumes for piece in volume.pieces)
+    return pieces[0] if len(pieces) == 1 else UnitedVolume(pieces)
 
 
 def difference(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
     """Filled where a is and b is not, frame by frame."""
-    return _where_both(a, b, invert=True)
+    common, frames = overlap(a.grid, b.grid), a.frames.copy()
+    if common is not None:
+        frames[common.slices_in(a.grid)] &= ~b.frames[common.slices_in(b.grid)]
+    return MotionHistoryVolume(a.grid, frames, a.n_frames)
 
 
 def intersection(a: MotionHistoryVolume, b: MotionHistoryVolume) -> MotionHistoryVolume:
     """Filled where both are, frame by frame."""
-    return _where_both(a, b, invert=False)
+    common = overlap(a.grid, b.grid)
+    if common is None:
+        common = VoxelGrid(a.grid.start, (1, 1, 1), a.grid.pitch)
+        return MotionHistoryVolume(common, np.zeros((1, 1, 1, word_count(a.n_frames)), np.uint64), a.n_frames)
+    frames = a.frames[common.slices_in(a.grid)] & b.frames[common.slices_in(b.grid)]
+    return MotionHistoryVolume(common, frames, a.n_frames)
 
 
 def dilated(volume: MotionHistoryVolume, radius: float) -> MotionHistoryVolume:
@@ -186,10 +241,13 @@ def from_bits(volume: MotionHistoryVolume, frames: Words) -> MotionHistoryVolume
     return trimmed(MotionHistoryVolume(volume.grid, frames, volume.n_frames))
 
 
-def _where_both(a: MotionHistoryVolume, b: MotionHistoryVolume, *, invert: bool) -> MotionHistoryVolume:
-    grid = united([a.grid, b.grid])
-    other = on_grid(b, grid).frames[a.grid.slices_in(grid)]
-    return MotionHistoryVolume(a.grid, a.frames & (~other if invert else other), a.n_frames)
+@njit(cache=True, nogil=True)
+def _any(words: Words) -> bool:
+    """Whether any is not 0."""
+    for word in words:
+        if word != 0:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -9,7 +9,7 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.sequences.canonical import in_canonical_frame
 from mhvedit.sequences.meshes import MeshSequence
-from mhvedit.volumes.history import MotionHistoryVolume, difference, history, intersection, union
+from mhvedit.volumes.history import MotionHistoryVolume, Volume, difference, history, intersection, union
 from mhvedit.volumes.parts import OwnMesh, Part, Selection, select_voxels
 from mhvedit.volumes.voxelise import solid_voxels
 
@@ -105,37 +105,30 @@ def deep_part_of(subject: SubjectVolumes, name: str, deep: Erosion) -> MotionHis
     return intersection(part.volume, deep(subject.solids[part.solid]))
 
 
-def rest_of(subject: SubjectVolumes, name: str) -> MotionHistoryVolume:
+def rest_of(subject: SubjectVolumes, name: str) -> Volume:
     """All that is solid about a subject but a named part."""
     return _without(subject, name, subject.solids)
 
 
-def deep_rest_of(subject: SubjectVolumes, name: str, deep: Erosion) -> MotionHistoryVolume:
+def deep_rest_of(subject: SubjectVolumes, name: str, deep: Erosion) -> Volume:
     """What of the rest lies deep in the solid that it belongs to."""
     return _without(subject, name, {key: deep(solid) for key, solid in subject.solids.items()})
 
 
-def all_of(subject: SubjectVolumes) -> MotionHistoryVolume:
+def all_of(subject: SubjectVolumes) -> Volume:
     """All that is solid about a subject."""
-    return _united(list(subject.solids.values()))
+    return union(*subject.solids.values())
 
 
-def deep_all_of(subject: SubjectVolumes, deep: Erosion) -> MotionHistoryVolume:
+def deep_all_of(subject: SubjectVolumes, deep: Erosion) -> Volume:
     """What lies deep in any solid of a subject."""
-    return _united([deep(solid) for solid in subject.solids.values()])
+    return union(*(deep(solid) for solid in subject.solids.values()))
 
 
-def _without(subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]) -> MotionHistoryVolume:
+def _without(subject: SubjectVolumes, name: str, solids: Mapping[str, MotionHistoryVolume]) -> Volume:
     """Of some solids, or what is deep in them, what is not a part's; a part that is all of its solid leaves nothing."""
     part = subject.parts[name]
     others = [solid for key, solid in solids.items() if key != part.solid]
     if part.volume is subject.solids[part.solid] and others:
-        return _united(others)
-    return _united([difference(solids[part.solid], part.volume), *others])
-
-
-def _united(volumes: list[MotionHistoryVolume]) -> MotionHistoryVolume:
-    whole = volumes[0]
-    for volume in volumes[1:]:
-        whole = union(whole, volume)
-    return whole
+        return union(*others)
+    return union(difference(solids[part.solid], part.volume), *others)

@@ -36,7 +36,7 @@ def volume(filled: dict[Voxel, range], n_frames: int = TAU) -> MotionHistoryVolu
 
 def met(meeting: Meeting) -> bool:
     """Whether two volumes meet as they lie, told without the search."""
-    common = intersection(meeting.a, meeting.b).frames
+    common = intersection(meeting.a.whole, meeting.b.whole).frames
     if meeting.every is None:
         return bool(common.any())
     seen = np.bitwise_or.reduce(common.reshape(-1, common.shape[-1]), axis=0)

@@ -40,7 +40,7 @@ def broken(
 
 
 def is_broken(clause: Clause) -> bool:
-    return any(bool(intersection(m.a, m.b).frames.any()) for m in clause.options[0].never)
+    return any(bool(intersection(m.a.whole, m.b.whole).frames.any()) for m in clause.options[0].never)
 
 
 def two_hands(shared: int) -> tuple[SubjectVolumes, SubjectVolumes]:

@@ -10,7 +10,7 @@ from mhvedit.constraints.fidelity import Depth
 from mhvedit.geometry.planar import apply_pose, compose
 from mhvedit.sequences.canonical import capture_from_canonical
 from mhvedit.sequences.meshes import JointTracks, Mesh, MeshSequence
-from mhvedit.volumes.history import MotionHistoryVolume
+from mhvedit.volumes.history import MotionHistoryVolume, Volume
 from mhvedit.volumes.parts import InBox, NearTrack, OwnMesh, Part, WholeBody
 from mhvedit.volumes.subject import (
     BODY,
@@ -149,11 +149,11 @@ def test_parts_rests_and_what_lies_deep_in_them_agree_with_brute_force(seed: int
         assert filled_in(found) == deeper_than(expected, radius)
 
 
-def filled_in(volume: MotionHistoryVolume) -> set[tuple[int, ...]]:
+def filled_in(volume: Volume) -> set[tuple[int, ...]]:
     return {
         (i, *(int(v) for v in cell))
         for i in range(volume.n_frames)
-        for cell in np.argwhere(volume.at(i)) + volume.grid.start
+        for cell in np.argwhere(volume.whole.at(i)) + volume.grid.start
     }
 
 
