@@ -176,7 +176,7 @@ def _height(i: float, j: float, k: float, s: float, t: float) -> float:
     return min(max(i + s * (j - i) + t * (k - i), min(i, j, k)), max(i, j, k))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _chain(column: int, crossing: int, first: IntArray, following: IntArray, heights: FloatArray) -> None:
     """Put a crossing in its place in the column's chain: by height, equals in the order of their faces."""
     after, before = first[column], NONE
@@ -189,7 +189,7 @@ def _chain(column: int, crossing: int, first: IntArray, following: IntArray, hei
         following[before] = crossing
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _vote(
     first: int, following: IntArray, heights: FloatArray, signs: SignArray, n_w: int, start: int, step: int,
     votes: ByteArray,
@@ -211,7 +211,7 @@ def _vote(
         crossing = following[crossing]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _balance(first: int, following: IntArray, signs: SignArray) -> tuple[bool, int]:
     """Whether a column's signs add up to nothing without the winding number ever changing its sign; and how many."""
     winding, least, most, total, crossing = 0, 0, 0, 0, first
