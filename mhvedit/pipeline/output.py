@@ -22,7 +22,7 @@ from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.stops_pass import stop_in_words
 from mhvedit.scene.edit import TOUCHED, EditedScene, edit_as_dict, touched_path
 from mhvedit.scene.report import SceneReport, report_as_dict
-from mhvedit.search.listing import listed, reasons_listed
+from mhvedit.search.listing import listed, reasons_listed, rounded
 
 EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
     "edit.json", "solutions", "report.json", "report.html", ".cache", "scene.json",
@@ -192,8 +192,8 @@ def write_solutions(path: Path, segment: SolvedSegment) -> None:
     arrays: dict[str, np.ndarray[Any, Any] | Column] = {
         **rows,
         "region": segment.region,
-        "clearance": segment.clearance,
-        "penalty": segment.penalty,
+        "clearance": rounded(segment.clearance),
+        "penalty": rounded(segment.penalties),
         "reason": reasons_listed(found),
         "reasons": np.array(found.reasons),
         "axes_x": grid.offsets,

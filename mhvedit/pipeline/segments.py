@@ -82,10 +82,15 @@ class SolvedSegment:
         """(S,) m, as in `SolutionGroup`."""
         return np.asarray(self._columns("clearance")["clearance"])
 
+    @property
+    def penalties(self) -> FloatArray:
+        """(S,) as `penalty`, or (1,) where all have the same."""
+        return np.asarray(self._columns("penalty")["penalty"])
+
     @cached_property
     def penalty(self) -> FloatArray:
         """(S,) what the contact's quality speaks against each solution, m."""
-        return np.broadcast_to(self._columns("penalty")["penalty"], self.n_solutions)
+        return np.broadcast_to(self.penalties, self.n_solutions)
 
     @cached_property
     def group(self) -> SolutionGroup:

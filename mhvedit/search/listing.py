@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mhvedit.files import Column
 from mhvedit.geometry.arrays import ByteArray, FloatArray, IntArray
@@ -52,6 +53,15 @@ def listed(
         "theta_a": column(_fill_theta, lattice, roots, facing[0], np.full(grid.n_yaw, np.pi)),
         "theta_b": column(_fill_theta, lattice, roots, facing[1], -grid.yaws),
     }
+
+
+def rounded(numbers: FloatArray) -> Column:
+    """(S,) numbers as 32-bit ones."""
+
+    def fill(first: int, out: NDArray[np.float32]) -> None:
+        out[:] = numbers[first : first + len(out)]
+
+    return Column(numbers.shape, fill, np.float32)
 
 
 def reasons_listed(found: ReasonMap) -> Column:

@@ -220,9 +220,9 @@ def _searched(path: Path, grid: PoseGrid) -> Searched:
         theta_a=kept["theta_a"],
         theta_b=kept["theta_b"],
         region=kept["region"].astype(np.int32),
-        clearance=kept["clearance"],
+        clearance=kept["clearance"].astype(np.float64),
     )
-    return Searched(found, group, kept["penalty"])
+    return Searched(found, group, np.broadcast_to(kept["penalty"].astype(np.float64), len(cells)))
 
 
 def _why(entry: Mapping[str, Any]) -> str:
