@@ -9,6 +9,7 @@ alone; `--write` makes docs/performance.md of them.
 """
 
 import argparse
+import os
 import shutil
 import statistics
 import tempfile
@@ -125,11 +126,23 @@ def warm_edits(place: Place) -> Figures:
 
 
 def copied(out: Path, to: Path) -> Path:
-    """A copy of an output folder; converted frames are linked."""
+    """A copy of an output folder; what is large is linked, since it is only ever replaced as a whole.
+
+    Half a gigabyte written anew would take the memory of the run that is measured next.
+    """
     shutil.rmtree(to, ignore_errors=True)
-    shutil.copytree(out, to, ignore=lambda folder, names: [FRAMES] if Path(folder).name == CACHE else [])
+    shutil.copytree(
+        out, to, ignore=lambda folder, names: [FRAMES] if Path(folder).name == CACHE else [], copy_function=_copy
+    )
     (to / CACHE / FRAMES).symlink_to(out / CACHE / FRAMES, target_is_directory=True)
     return to
+
+
+def _copy(source: str, to: str) -> None:
+    if source.endswith(".npz"):
+        os.link(source, to)
+    else:
+        shutil.copy2(source, to)
 
 
 def search(place: Place) -> Figures:

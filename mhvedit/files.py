@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import re
 import struct
 import threading
 import tomllib
@@ -25,6 +26,12 @@ FIELD: Final = struct.Struct("<HH")
 PADDING: Final = 0xD935  # kind of an extra field that says nothing
 ALIGNED: Final = 64  # bytes
 HEADER: Final = 1024  # bytes that the header of an array takes at most
+# The header of an array but of records; to let NumPy read it takes longer than to read what follows.
+USUAL: Final = re.compile(
+    rb"\x93NUMPY\x01\0..{'descr': '(?P<kind>[^']+)', 'fortran_order': (?P<by_columns>True|False), "
+    rb"'shape': \((?P<shape>[^)]*)\), } *\n",
+    re.DOTALL,
+)
 PIECE: Final = 1 << 16  # numbers of a column that are made at a time
 # NumPy reads the header of an array with `ast`, which fails now and then in CPython 3.11 where two threads do so at the
 # same time (python/cpython#106905): so one does at a time.
@@ -147,7 +154,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.uint8]) -> NDArray[Any]:
     """One array of a file that is in memory."""
-    if member.compress_type != zipfile.ZIP_STORED or member.file_size < WORTHWHILE:
+    if member.compress_type != zipfile.ZIP_STORED:
         with ONE_HEADER, container.open(member) as content:
             return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
     name = member.header_offset + LOCAL_HEADER
@@ -155,11 +162,13 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
     stored = data[start : start + member.file_size]
     if zlib.crc32(stored.data) != member.CRC:
         raise zipfile.BadZipFile(f"bad CRC-32 for {member.filename}")
-    header = io.BytesIO(stored[:HEADER].tobytes())
-    np.lib.format.read_magic(header)
-    with ONE_HEADER:
-        shape, by_columns, kind = np.lib.format.read_array_header_1_0(header)
-    array = stored[header.tell() :].view(kind).reshape(shape, order="F" if by_columns else "C")
+    header = USUAL.match(stored[:HEADER].tobytes())
+    if header is None:
+        with ONE_HEADER:
+            return np.asarray(np.lib.format.read_array(io.BytesIO(stored.tobytes()), allow_pickle=False))
+    shape = [int(n) for n in header["shape"].split(b",") if n.strip()]
+    array = stored[header.end() :].view(np.dtype(header["kind"].decode()))
+    array = array.reshape(shape, order="F" if header["by_columns"] == b"True" else "C")
     return np.asarray(array if array.flags.aligned else array.copy())
 
 
