@@ -10,13 +10,13 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from mhvedit.geometry.arrays import BoolArray, ByteArray, Int32Array
+from mhvedit.geometry.arrays import ByteArray, Int32Array
 from mhvedit.geometry.runs import run_lengths
 from mhvedit.pipeline.store import Arrays, Key, Store
 from mhvedit.search.poses import PoseGrid, pose_grid
 from mhvedit.search.solve import ACCEPTED, BASE_REASONS, OUTSIDE, ReasonMap, map_by_yaw
 
-Search = Callable[[BoolArray | None], ReasonMap]  # (X, Y, Yaw) which poses to decide, None for all
+Search = Callable[[ByteArray | None, int], ReasonMap]  # decides poses that have a value in (X, Y, Yaw), None for all
 OPEN = 255  # what is not known of a pose
 
 
@@ -31,7 +31,7 @@ def decided(store: Store, key: Key, grid: PoseGrid, search: Search) -> ReasonMap
     """
     kept = store.kept(key)
     if kept is None:
-        found = search(None)
+        found = search(None, ACCEPTED)
         _keep(store, key, found)
         return found
     if kept["window"] == grid.window:
@@ -55,7 +55,7 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
     """
     kept, grid, reason = store.kept(key), found.grid, found.by_yaw
     if kept is None:
-        more = search(found.accepted)
+        more = search(found.reason, ACCEPTED)
         _keep(store, key, more)
         return _with_reasons(found, more)
     whole, reasons = _with_window(grid, max(grid.window, float(kept["window"]))), tuple(kept["reasons"].tolist())
@@ -66,10 +66,9 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
     told = map_by_yaw(grid, reason, found.reasons + reasons[len(BASE_REASONS) :])
     if not _tell(reason, values, lengths, whole.size, instead_of):
         return told
-    left = reason == OPEN
-    more = search(left.transpose(1, 2, 0))
+    more = search(told.reason, OPEN)
     known = _laid(kept, whole) if known is None else known
-    _fill(known, left, more.by_yaw)
+    _fill(known, reason, more.by_yaw)
     _keep(store, key, map_by_yaw(whole, known, reasons))
     return _with_reasons(ReasonMap(grid, told.reason, found.reasons), more)
 
@@ -132,17 +131,17 @@ def _tell(reason: ByteArray, values: ByteArray, lengths: Int32Array, size: int, 
 
 
 @njit(cache=True, nogil=True)
-def _fill(known: ByteArray, left: BoolArray, found: ByteArray) -> None:
+def _fill(known: ByteArray, reason: ByteArray, found: ByteArray) -> None:
     """Say what was found of the poses that were not known."""
-    n_yaw, n_x, n_y = left.shape
+    n_yaw, n_x, n_y = reason.shape
     border = (known.shape[1] - n_x) // 2
-    reasons, asked, more = known.reshape(-1), left.view(np.uint8).reshape(-1), found.reshape(-1)
+    reasons, asked, more = known.reshape(-1), reason.reshape(-1), found.reshape(-1)
     for k in range(n_yaw):
         for x in range(n_x):
             at = np.uint64((k * known.shape[1] + border + x) * known.shape[2] + border)
             to = np.uint64((k * n_x + x) * n_y)
             for n in range(np.uint64(n_y)):
-                reasons[at + n] = more[to + n] if asked[to + n] != 0 else reasons[at + n]
+                reasons[at + n] = more[to + n] if asked[to + n] == OPEN else reasons[at + n]
 
 
 @njit(cache=True, nogil=True)

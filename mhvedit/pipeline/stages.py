@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 
 from mhvedit.errors import CaptureError, SceneError
-from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.arrays import ByteArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.geometry.runs import byte_counts
 from mhvedit.optimise.quality import contact_penalty
@@ -137,19 +137,19 @@ def found_by(stages: Stages, grid: PoseGrid, *, progress: Progress | None = None
     volumes = cache(lambda: volumes_of(stages))
     spec, search = stages.spec, partial(search_poses, grid, workers=stages.workers)
 
-    def contact(among: BoolArray | None) -> ReasonMap:
-        return search(contact_clauses(spec, *volumes()), among=among, progress=progress)
+    def contact(among: ByteArray | None, value: int) -> ReasonMap:
+        return search(contact_clauses(spec, *volumes()), among=among, value=value, progress=progress)
 
-    def bodies(among: BoolArray | None) -> ReasonMap:
+    def bodies(among: ByteArray | None, value: int) -> ReasonMap:
         clauses = bodies_clauses(spec, *volumes(), pitch=stages.scene.search.voxel)
         clauses += ground_clauses(stages.scene, spec, stages.people, *volumes())
-        return search(clauses, among=among, progress=progress)
+        return search(clauses, among=among, value=value, progress=progress)
 
-    def sight(among: BoolArray | None) -> ReasonMap:
+    def sight(among: ByteArray | None, value: int) -> ReasonMap:
         assert stages.cones is not None
         loaded = volumes.cache_info().currsize > 0
         a, b = (volumes()[side].body if loaded else _body(stages, side) for side in (0, 1))
-        return search((), sight=SightTest(stages.cones, a, b), among=among)
+        return search((), sight=SightTest(stages.cones, a, b), among=among, value=value)
 
     found = decided(stages.store, stages.of_contact, grid, contact)
     found = decided_further(stages.store, stages.of_bodies, found, bodies)

@@ -82,7 +82,8 @@ def search_poses(
     clauses: Sequence[Clause],
     *,
     sight: SightTest | None = None,
-    among: BoolArray | None = None,
+    among: ByteArray | BoolArray | None = None,
+    value: int = 1,
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> ReasonMap:
@@ -92,7 +93,9 @@ def search_poses(
         grid: candidate poses.
         clauses: constraints, in the order in which they are to be blamed.
         sight: mutual visibility, tested last.
-        among: (X, Y, Yaw) poses to test; the others come back as outside the window. None for all.
+        among: (X, Y, Yaw) poses to test are those that have `value` there; the others come back as outside the window.
+            None for all.
+        value: see there.
         workers: threads; the result does not depend on it.
         progress: told the share that is done, 0 to 1.
     """
@@ -101,8 +104,8 @@ def search_poses(
     if sight is not None:
         reasons += (NOT_SEEN_BY_A, NOT_SEEN_BY_B)
     found = np.empty((grid.n_yaw, grid.size, grid.size), np.uint8)
-    whole = np.ones((grid.size, grid.size), np.bool_)
-    asked = None if among is None else np.ascontiguousarray(among.transpose(2, 0, 1))
+    whole = np.full((grid.size, grid.size), value, np.uint8)
+    asked = None if among is None else np.ascontiguousarray(among.transpose(2, 0, 1)).view(np.uint8)
     along_x, along_y = grid.reach()
     desks = local()
 
@@ -110,8 +113,8 @@ def search_poses(
         if not hasattr(desks, "own"):
             desks.own = _Desk(prepared)
         for k in yaws:
-            alive = np.empty_like(whole)
-            if _begin(along_x[k], along_y[k], whole if asked is None else asked[k], alive, found[k]):
+            alive = np.empty(whole.shape, np.bool_)
+            if _begin(along_x[k], along_y[k], whole if asked is None else asked[k], np.uint8(value), alive, found[k]):
                 _mark_reasons(grid, clauses, sight, desks.own, k, alive, found[k])
 
     portion = max(1, grid.n_yaw // PORTIONS)
@@ -220,12 +223,14 @@ def _mark_unseen(
 
 
 @njit(cache=True)
-def _begin(along_x: BoolArray, along_y: BoolArray, asked: BoolArray, alive: BoolArray, reason: ByteArray) -> bool:
-    """Let the poses in the window live that are asked for; whether there are any."""
+def _begin(
+    along_x: BoolArray, along_y: BoolArray, asked: ByteArray, value: np.uint8, alive: BoolArray, reason: ByteArray
+) -> bool:
+    """Let the poses in the window live that are asked for, as a value says; whether there are any."""
     some = False
     for x in range(alive.shape[0]):
         for y in range(alive.shape[1]):
-            lives = along_x[x] & along_y[y] & asked[x, y]
+            lives = along_x[x] & along_y[y] & (asked[x, y] == value)
             alive[x, y], reason[x, y] = lives, np.uint8(OUTSIDE) * np.uint8(not lives)
             some |= lives
     return some

@@ -39,7 +39,7 @@ def looks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     def counted(grid: object, clauses: object, **options: object) -> object:
         if not clauses:
-            asked.append(int(np.count_nonzero(np.asarray(options["among"]))))
+            asked.append(int(np.count_nonzero(np.asarray(options["among"]) == options["value"])))
         return search(grid, clauses, **options)
 
     monkeypatch.setattr(stages, "search_poses", counted)
@@ -112,7 +112,9 @@ def test_a_pose_is_not_tested_again_because_another_contact_is_asked_for(
 
     def counted(grid: object, clauses: object, **options: object) -> object:
         if options["among"] is not None:
-            asked["bodies" if clauses else "sight"] += int(np.count_nonzero(np.asarray(options["among"])))
+            asked["bodies" if clauses else "sight"] += int(
+                np.count_nonzero(np.asarray(options["among"]) == options["value"])
+            )
         return search(grid, clauses, **options)
 
     def solved(change: tuple[Change, ...], previous: Result | None = None) -> tuple[Result, dict[str, int]]:
