@@ -68,10 +68,10 @@ class MotionHistoryVolume:
     @property
     def centre(self) -> FloatArray:
         """(3,) centre of gravity of all voxels that are ever filled, m (Shi et al., section 3.1: C)."""
-        sums, counts = _frame_sums(self.filled.astype(np.uint64)[..., None], 1)
-        if counts[0] == 0:
+        sums, count = _sums(self.frames)
+        if count == 0:
             return np.full(3, np.nan)
-        return np.asarray((sums[0] / counts[0] + np.array(self.grid.start)) * self.grid.pitch)
+        return np.asarray((sums / count + np.array(self.grid.start)) * self.grid.pitch)
 
     def at(self, frame: int) -> BoolArray:
         """(X, Y, Z) voxels that are filled in one frame."""
@@ -341,6 +341,27 @@ def _shrink(frames: Words, offsets: IntArray) -> Words:
                 for w in range(np.uint64(high), np.uint64(length)):
                     shrunk[at + w] = 0
     return out
+
+
+@njit(cache=True, nogil=True)
+def _sums(frames: Words) -> tuple[FloatArray, int]:
+    """(3,) sum of the lattice places of what is ever filled, exact, and how many there are."""
+    sums, count = np.zeros(3), 0
+    n_x, n_y, n_z, n_words = frames.shape
+    for x in range(n_x):
+        for y in range(n_y):
+            own, height = 0, 0
+            for z in range(n_z):
+                some = np.uint64(0)
+                for w in range(n_words):
+                    some |= frames[x, y, z, w]
+                own += some != 0
+                height += z * (some != 0)
+            count += own
+            sums[0] += x * own
+            sums[1] += y * own
+            sums[2] += height
+    return sums, count
 
 
 @njit(cache=True, nogil=True)
