@@ -1,5 +1,6 @@
 """What a command does without, so as to answer sooner."""
 
+import gc
 import os
 import struct
 from collections.abc import Iterator
@@ -7,6 +8,7 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 TRIED: Final = "0.68."  # versions of numba of which kept kernels are known to load in this way
+COLLECT_AT: Final = 100_000, 50, 50  # objects more than there were, and how many of such searches before a larger one
 ELF: Final = b"\x7fELF\x02\x01"  # how object code of 64 bits, low byte first, begins
 SECTION: Final = struct.Struct("<II4QII2Q")  # name, type, flags, address, offset, size, link, info, two more
 SYMBOL: Final = struct.Struct("<IBBHQQ")  # name, binding and type, visibility, section, value, size
@@ -21,8 +23,9 @@ def start_lean() -> None:
     loads a first kernel that is kept, which needs no more than its way to allocate memory; where one has to be
     compiled after all, the compiler fills them itself. The compiler's own form of a kept kernel: it is read only when
     another one that calls it is compiled. Notes of each call to the compiler's library, which nobody reads. Threads of
-    NumPy's BLAS: for small matrices they would only spin beside the search.
+    NumPy's BLAS: for small matrices they would only spin beside the search. Searches for garbage: what is imported stays.
     """
+    gc.set_threshold(*COLLECT_AT)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     import numba
     from numba.np import linalg
