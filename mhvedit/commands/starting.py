@@ -23,7 +23,8 @@ def start_lean() -> None:
     loads a first kernel that is kept, which needs no more than its way to allocate memory; where one has to be
     compiled after all, the compiler fills them itself. The compiler's own form of a kept kernel: it is read only when
     another one that calls it is compiled. Notes of each call to the compiler's library, which nobody reads. Threads of
-    NumPy's BLAS: for small matrices they would only spin beside the search. Searches for garbage: what is imported stays.
+    NumPy's BLAS: for small matrices they would only spin beside the search. Most searches for garbage: what is imported
+    stays.
     """
     gc.set_threshold(*COLLECT_AT)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
