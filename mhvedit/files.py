@@ -158,7 +158,7 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
         with ONE_HEADER, container.open(member) as content:
             return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
     name = member.header_offset + LOCAL_HEADER
-    start = name + sum(FIELD.unpack(data[name - FIELD.size : name].tobytes()))
+    start = name + _lengths(data[name - FIELD.size : name].tobytes())
     stored = data[start : start + member.file_size]
     if zlib.crc32(stored.data) != member.CRC:
         raise zipfile.BadZipFile(f"bad CRC-32 for {member.filename}")
@@ -170,6 +170,13 @@ def _read(container: zipfile.ZipFile, member: zipfile.ZipInfo, data: NDArray[np.
     array = stored[header.end() :].view(np.dtype(header["kind"].decode()))
     array = array.reshape(shape, order="F" if header["by_columns"] == b"True" else "C")
     return np.asarray(array if array.flags.aligned else array.copy())
+
+
+def _lengths(read: bytes) -> int:
+    """How long name and extra field of a zip member are together, as the end of its local header says."""
+    if len(read) != FIELD.size:
+        raise zipfile.BadZipFile("a member begins past the end of the file")
+    return sum(FIELD.unpack(read))
 
 
 def _member(container: zipfile.ZipFile, name: str, array: NDArray[Any] | Column, header: int) -> IO[bytes]:
@@ -215,7 +222,7 @@ def _padding(start: int) -> bytes:
 def _mapped(file: BinaryIO, header: int) -> NDArray[Any]:
     """The array of a member whose local header is at a place of a file."""
     file.seek(header + LOCAL_HEADER - FIELD.size)
-    file.seek(sum(FIELD.unpack(file.read(FIELD.size))), os.SEEK_CUR)  # past its name and extra field
+    file.seek(_lengths(file.read(FIELD.size)), os.SEEK_CUR)  # past its name and extra field
     np.lib.format.read_magic(file)
     shape, by_columns, kind = np.lib.format.read_array_header_1_0(file)
     order: Literal["F", "C"] = "F" if by_columns else "C"

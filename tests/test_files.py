@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,18 @@ def test_what_is_read_as_a_whole_is_aligned_its_own_and_checked(tmp_path: Path) 
     (tmp_path / "a.npz").write_bytes(data)
     with pytest.raises(zipfile.BadZipFile):
         read_arrays(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("read", [read_arrays, lambda path: map_arrays(path, ["x"])])
+def test_a_file_whose_list_of_members_is_damaged_is_a_damaged_file(
+    read: Callable[[Path], object], tmp_path: Path
+) -> None:
+    write_arrays(tmp_path / "a.npz", {"x": np.arange(1000.0)})
+    data = bytearray((tmp_path / "a.npz").read_bytes())
+    data[data.rindex(b"PK\x01\x02") + 44] ^= 0x10  # where the member begins
+    (tmp_path / "a.npz").write_bytes(data)
+    with pytest.raises(zipfile.BadZipFile):
+        read(tmp_path / "a.npz")
 
 
 def test_an_npz_of_anybody_is_read_by_names_or_by_how_they_start(tmp_path: Path) -> None:

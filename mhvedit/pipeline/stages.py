@@ -1,6 +1,7 @@
 """The stages that lead to the solutions of one segment, from volumes to group; what is kept is not made again."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, partial
 
@@ -116,7 +117,9 @@ def volumes_of(stages: Stages) -> Pair:
         CaptureError: a part is empty in some frame of the segment.
         SceneError: the voxels are too small for a subject of that size.
     """
-    return _volumes(stages, 0), _volumes(stages, 1)
+    with ThreadPoolExecutor(2) as pool:
+        a, b = pool.map(partial(_volumes, stages), (0, 1))
+    return a, b
 
 
 def grid_of(stages: Stages) -> PoseGrid:
