@@ -33,13 +33,13 @@ def byte_counts(values: ByteArray, kinds: int) -> IntArray:
     """How often each of the first so many values comes.
 
     Args:
-        values: of any shape.
+        values: of any shape, however they lie in memory.
         kinds: at most 256.
 
     Returns:
         (kinds,).
     """
-    return np.asarray(_counted(np.ascontiguousarray(values).reshape(-1))[:kinds])
+    return np.asarray(_counted(values.ravel("K"))[:kinds])
 
 
 def runs_along_rows(values: ByteArray, value: int) -> tuple[IntArray, IntArray]:

@@ -50,7 +50,7 @@ class ReasonMap:
 
     def counts(self) -> dict[str, int]:
         """How many poses each reason took."""
-        numbers = byte_counts(self.by_yaw, len(self.reasons))
+        numbers = byte_counts(self.reason, len(self.reasons))
         return {name: int(n) for name, n in zip(self.reasons, numbers, strict=True)}
 
 

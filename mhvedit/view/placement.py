@@ -80,11 +80,7 @@ def summarise(found: ReasonMap) -> MapSummary:
     fits = np.empty(rejected.shape, np.int64)
     for i, row in enumerate(found.reason):
         fits[i] = np.count_nonzero(row == ACCEPTED, axis=-1)
-    codes = np.zeros(256, np.int64)
-    for row in found.reason:
-        codes += np.bincount(row.ravel(), minlength=256)
-    counts = {name: int(n) for name, n in zip(found.reasons, codes, strict=False)}
-    return MapSummary(found.grid, fits, rejected, found.reasons, counts)
+    return MapSummary(found.grid, fits, rejected, found.reasons, found.counts())
 
 
 def placement_map(
