@@ -139,6 +139,7 @@ def copied(out: Path, to: Path) -> Path:
 
 
 def _copy(source: str, to: str) -> None:
+    """Link arrays, copy what else there is."""
     if source.endswith(".npz"):
         os.link(source, to)
     else:

@@ -84,7 +84,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any] | Column]) -> Non
         zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as container,
     ):
         for name, array in arrays.items():
-            header = _npy_header(np.broadcast_to(np.zeros((), array.dtype), array.shape))
+            header = _npy_header(np.dtype(array.dtype), array.shape)
             with _member(container, f"{name}.npy", array, len(header)) as file:
                 file.write(header)
                 for piece in _pieces(array):
@@ -206,10 +206,11 @@ def _pieces(array: NDArray[Any] | Column) -> Iterator[NDArray[Any]]:
         yield rows
 
 
-def _npy_header(array: NDArray[Any]) -> bytes:
-    """What comes before the numbers."""
+def _npy_header(kind: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """What comes before the numbers, which follow row by row."""
     header = io.BytesIO()
-    np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(array))
+    content = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(header, content)
     return header.getvalue()
 
 

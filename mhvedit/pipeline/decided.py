@@ -54,6 +54,7 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
         The map with the further reasons behind its own.
     """
     kept, grid, reason = store.kept(key), found.grid, found.by_yaw
+    found = map_by_yaw(grid, reason, found.reasons)
     if kept is None:
         more = search(found.reason, ACCEPTED)
         _keep(store, key, more)
@@ -63,14 +64,13 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
     values, lengths = (kept["values"], kept["lengths"]) if known is None else _runs(known)
     instead_of = np.arange(len(reasons), dtype=np.uint8) + np.uint8(len(found.reasons) - len(BASE_REASONS))
     instead_of[[ACCEPTED, OUTSIDE]] = ACCEPTED, OPEN
-    told = map_by_yaw(grid, reason, found.reasons + reasons[len(BASE_REASONS) :])
     if not _tell(reason, values, lengths, whole.size, instead_of):
-        return told
-    more = search(told.reason, OPEN)
+        return map_by_yaw(grid, reason, found.reasons + reasons[len(BASE_REASONS) :])
+    more = search(found.reason, OPEN)
     known = _laid(kept, whole) if known is None else known
     _fill(known, reason, more.by_yaw)
     _keep(store, key, map_by_yaw(whole, known, reasons))
-    return _with_reasons(ReasonMap(grid, told.reason, found.reasons), more)
+    return _with_reasons(found, more)
 
 
 def _with_reasons(found: ReasonMap, more: ReasonMap) -> ReasonMap:

@@ -117,7 +117,7 @@ def volumes_of(stages: Stages) -> Pair:
         CaptureError: a part is empty in some frame of the segment.
         SceneError: the voxels are too small for a subject of that size.
     """
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(stages.workers) as pool:
         a, b = pool.map(partial(_volumes, stages), (0, 1))
     return a, b
 
@@ -190,7 +190,7 @@ def group_of(
             "penalty": _penalties(stages, grid, cells),
             "n_regions": region.max(initial=-1) + 1,
             "reasons": np.array(found.reasons),
-            "counts": byte_counts(found.by_yaw, len(found.reasons)),
+            "counts": byte_counts(found.reason, len(found.reasons)),
         }
 
     return stages.store.arrays(stages.of_group, build, names=names)

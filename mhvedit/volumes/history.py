@@ -143,15 +143,6 @@ def history(volumes: Sequence[tuple[VoxelGrid, BoolArray]]) -> MotionHistoryVolu
     return MotionHistoryVolume(grid, frames, len(volumes))
 
 
-def on_grid(volume: MotionHistoryVolume, grid: VoxelGrid) -> MotionHistoryVolume:
-    """The same volume on a box that contains its own."""
-    if grid == volume.grid:
-        return volume
-    frames = np.zeros((*grid.shape, volume.frames.shape[-1]), np.uint64)
-    frames[volume.grid.slices_in(grid)] = volume.frames
-    return MotionHistoryVolume(grid, frames, volume.n_frames)
-
-
 def trimmed(volume: MotionHistoryVolume) -> MotionHistoryVolume:
     """The same volume on the smallest box around what is ever filled."""
     grid = cropped(volume.frames, volume.grid)
