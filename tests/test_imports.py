@@ -20,7 +20,7 @@ assert byte_counts(np.array([2, 0, 2], np.uint8), 3).tolist() == [1, 0, 2]
 assert ("numba.typed.typeddict" in sys.modules) == ({!r} == "kernels are compiled")
 assert "scipy.linalg" not in sys.modules
 assert njit(lambda x: x + 1)(1) == 2
-assert njit(lambda values: _counted(values)[2])(np.array([2, 0, 2], np.uint8)) == 2
+assert njit(lambda values: _counted(values, 3)[2])(np.array([2, 0, 2], np.uint8)) == 2
 assert njit(lambda a: a @ a)(2 * np.eye(2))[1, 1] == 4
 """
 

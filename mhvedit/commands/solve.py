@@ -51,6 +51,10 @@ def _run(
 ) -> None:
     """Solve, saying what comes of it as soon as it is known, and leave with the right exit code."""
     start_lean()
+    if workers > 1:
+        from mhvedit.commands.ahead import compile_ahead
+
+        compile_ahead()
     from mhvedit.pipeline.run import run_scene
 
     gc.freeze()  # what has been imported stays: it need not be gone through again and again

@@ -89,7 +89,7 @@ def _along_rows(
             if rows[x, y] < 0:
                 continue
             line = squared[rows[x, y]]
-            line[:] = plane[y]
+            _copy(plane[y], line)
             for run in range(starts[x * n_y + y], starts[x * n_y + y + 1]):
                 low, high, away = runs[run, 0], runs[run, 1], 1
                 while low < high:
@@ -122,7 +122,7 @@ def _across_rows(
         for x in range(n_x):
             for run in range(starts[x * n_y + y], starts[x * n_y + y + 1]):
                 first, line = runs[run, 0], out[cells[run] : cells[run + 1]]
-                line[:] = squared[rows[x, y], first : runs[run, 1]]
+                _copy(squared[rows[x, y], first : runs[run, 1]], line)
                 low, high, away = 0, line.shape[0], 1
                 while low < high:
                     one = squared[rows[x - away, y]] if x >= away and rows[x - away, y] >= 0 else empty
@@ -150,6 +150,13 @@ def _along_circle(runs: IntArray, spacing: float, out: FloatArray) -> None:
         above = runs[0, 1] if seam and run == last else 0
         for z in range(low, high):
             out[z] = (float(min(z - low + 1 + below, high - z + above)) * spacing) ** 2
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _copy(line: FloatArray, out: FloatArray) -> None:
+    """As `out[:] = line`, which takes seconds to compile: it could tell in words what lengths do not fit."""
+    for z in range(line.shape[0]):
+        out[z] = line[z]
 
 
 @njit(cache=True, nogil=True, inline="always")

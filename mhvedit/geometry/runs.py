@@ -10,6 +10,7 @@ from mhvedit.geometry.arrays import ByteArray, IntArray
 THREADS = 2
 PORTIONS = 16  # in which a map is handed to the threads
 PIECE = 1 << 20  # values that are looked at together
+LANES = 64  # values that are compared with one together
 
 
 def run_lengths(values: ByteArray) -> tuple[ByteArray, IntArray]:
@@ -39,7 +40,7 @@ def byte_counts(values: ByteArray, kinds: int) -> IntArray:
     Returns:
         (kinds,).
     """
-    return np.asarray(_counted(values.ravel("K"))[:kinds])
+    return np.asarray(_counted(values.ravel("K"), kinds))
 
 
 def runs_along_rows(values: ByteArray, value: int) -> tuple[IntArray, IntArray]:
@@ -60,18 +61,24 @@ def runs_along_rows(values: ByteArray, value: int) -> tuple[IntArray, IntArray]:
 
 
 @njit(cache=True, nogil=True)
-def _counted(values: ByteArray) -> IntArray:
-    """(256,) how often each byte comes; four counts at a time, since equal bytes follow each other."""
-    counts = np.zeros((4, 256), np.int64)
-    whole = len(values) // 4 * 4
-    for n in range(0, whole, 4):
-        counts[0, values[n]] += 1
-        counts[1, values[n + 1]] += 1
-        counts[2, values[n + 2]] += 1
-        counts[3, values[n + 3]] += 1
-    for n in range(whole, len(values)):
-        counts[0, values[n]] += 1
-    return np.asarray(counts.sum(0))
+def _counted(values: ByteArray, kinds: int) -> IntArray:
+    """(kinds,) how often each byte comes: one kind after the other, in lanes that are compared together and that never
+    count beyond a byte.
+    """
+    counts, lanes = np.zeros(kinds, np.int64), np.empty(LANES, np.uint8)
+    for first in range(0, len(values), 255 * LANES):
+        part = values[first : first + 255 * LANES]
+        whole = len(part) // LANES * LANES
+        for kind in range(kinds):
+            lanes[:] = 0
+            for start in range(0, whole, LANES):
+                for i in range(LANES):
+                    lanes[i] += np.uint8(part[start + i] == np.uint8(kind))
+            for i in range(LANES):
+                counts[kind] += lanes[i]
+            for i in range(whole, len(part)):
+                counts[kind] += part[i] == np.uint8(kind)
+    return counts
 
 
 @njit(cache=True, nogil=True)

@@ -41,8 +41,8 @@ TRIED_FROM = 1  # level of blocks from which on the chain of the least bound is 
 PARTED_AT, FIRST_PART = 2, 8  # level of blocks, one branch in so many: see `_searched_in_parts`
 THREADS = 2
 PORTIONS = 16  # in which the branches are handed to the threads
-ARM = 1.0  # m that a radian of turn or gauge counts for when choosing what to halve
-LOSE_MOST, LOSE_MUCH, LOSE_HALF, LOSE_LITTLE = 1.5, 0.8, 0.5, 0.15  # of the best cost: see `_views` and `_finer`
+ARM = 4.0  # m that a radian of turn or gauge counts for when choosing what to halve
+LOSE_MOST, LOSE_MUCH, LOSE_HALF, LOSE_LITTLE = 1.5, 0.8, 0.5, 0.3  # of the best cost: see `_views` and `_finer`
 SMOOTHINGS = 100  # rounds, of forces
 STRAIGHT = 0.05  # of the way that the best cost allows: a path that bends by less
 

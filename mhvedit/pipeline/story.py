@@ -9,7 +9,6 @@ from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.keys import segment_parts
 from mhvedit.pipeline.people import Person
-from mhvedit.pipeline.repair import repaired_in_words, repaired_story
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.shown import shown_people
 from mhvedit.pipeline.stops_pass import stop_in_words
@@ -168,6 +167,8 @@ def _about(result: Result, name: str, person: Person) -> CaptureStory:
         notes.append(f"The facing jumps by {steps.max():.0f} degrees at frame {numbers[int(steps.argmax()) + 1]}.")
     repair = None
     if result.job.scene.subjects[name].self_collision is not None:
+        from mhvedit.pipeline.repair import repaired_in_words, repaired_story  # takes long to load, and few need it
+
         repair = repaired_story(person.sequence)
         notes.append(repaired_in_words(person.sequence))
     return CaptureStory(

@@ -387,11 +387,12 @@ def _halved(
         after = (side[t] + 1) % 3
         middle = (weights[t, side[t]] + weights[t, after]) / 2
         faces[at], faces[at + n] = of[t], of[t]
-        halves[at], halves[at + n] = weights[t], weights[t]
-        halves[at, after], halves[at + n, side[t]] = middle, middle
         nearest[at] = middle.argmax()
         for c in range(3):
-            middles[at] += middle[c] * corners[of[t], c]
+            for k in range(3):  # one by one: arrays put into arrays take seconds to compile
+                halves[at, c, k] = middle[k] if c == after else weights[t, c, k]
+                halves[at + n, c, k] = middle[k] if c == side[t] else weights[t, c, k]
+                middles[at, k] += middle[c] * corners[of[t], c, k]
         at += 1
     return faces, halves, middles, nearest
 

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mhvedit.files import Column
-from mhvedit.geometry.arrays import ByteArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import ByteArray, FloatArray, Int32Array, IntArray
 from mhvedit.geometry.planar import rotation, wrap_angle
 from mhvedit.geometry.uncounted import uncounted
 from mhvedit.search.groups import seen_from
@@ -22,7 +22,12 @@ Lattice = tuple[int, IntArray, float]  # size, base and step of a grid
 
 
 def listed(
-    grid: PoseGrid, cells: IntArray, *, facing: tuple[float, float], left: FloatArray, right: FloatArray
+    grid: PoseGrid,
+    cells: IntArray | Int32Array,
+    *,
+    facing: tuple[float, float],
+    left: FloatArray,
+    right: FloatArray,
 ) -> dict[str, Column]:
     """What there is to say about solutions, one row each.
 
@@ -74,7 +79,9 @@ def reasons_listed(found: ReasonMap) -> Column:
     return Column(found.reason.shape, fill, np.uint8)
 
 
-def _filled(fill: Callable[..., None], cells: IntArray, terms: tuple[object, ...], first: int, out: FloatArray) -> None:
+def _filled(
+    fill: Callable[..., None], cells: IntArray | Int32Array, terms: tuple[object, ...], first: int, out: FloatArray
+) -> None:
     """Fill in the rows from the first on."""
     fill(cells[first : first + len(out)], *terms, out)
 

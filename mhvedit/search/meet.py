@@ -55,23 +55,26 @@ def meets(
     out = scratch.array("met", asked.shape, np.bool_)
     blocks = scratch.array("blocks", (most_blocks(*asked.shape, stride),), np.bool_)
     lists = scratch.array("lists", (TOP + 2, len(b.some.row_of), 2), np.int32)
-    _search(a, b, base * stride, stride, asked, np.uint64(every or 0), blocks, lists, out)
+    search_shifts(a, b, base * stride, stride, asked, None if every is None else np.uint64(every), blocks, lists, out)
     return out
 
 
 @njit(cache=True, nogil=True)  # one loop with its own stack: compiled recursion does not survive the cache
-def _search(  # noqa: C901
+def search_shifts(  # noqa: C901
     a: Pyramid,
     b: TurnedPyramid,
     base: IntArray,
     stride: int,
     asked: BoolArray,
-    need: np.uint64,
+    need: np.uint64 | None,
     blocks: BoolArray,
     lists: Int32Array,
     out: BoolArray,
 ) -> None:
-    """Descend through the blocks of shifts, depth first; `lists` takes what is left of B on the way down."""
+    """Descend through the blocks of shifts, depth first; `lists` takes what is left of B on the way down.
+
+    With and without `need` this is compiled by itself, without the kernels of the other.
+    """
     a_own_row, a_own = uncounted(a.own.row_of), uncounted(a.own.rows.ravel())
     a_some_row, a_some = uncounted(a.some.row_of), uncounted(a.some.rows.ravel())
     a_sure_row, a_sure = uncounted(a.sure.row_of), uncounted(a.sure.rows.ravel())
@@ -87,7 +90,8 @@ def _search(  # noqa: C901
     blocks_first, blocks_size = mark_blocks(asked, base_x, base_y, stride, blocks)
     lists, asked, out = uncounted(lists), uncounted(asked), uncounted(out)
     offsets = b.starts - a.starts
-    wanted = _repeated(need, lanes)
+    if need is not None:
+        wanted = _repeated(need, lanes)
     counts = np.zeros(TOP + 2, np.int64)
     child = np.zeros(TOP + 2, np.int64)
     block = np.zeros((TOP + 2, 2), np.int64)
@@ -118,21 +122,23 @@ def _search(  # noqa: C901
                     continue
                 if not blocks[blocks_first[finer] + u * blocks_size[finer, 1] + v]:
                     continue
-                if finer <= WITNESSED and need == 0 and _all_witnessed(
-                    x, y, finer, offsets[0, 0], offsets[0, 1], at_a, a_words, a_voxels, at_b, b_words, b_voxels,
-                    tall, base_x, base_y, stride, asked, witness, out,
-                ):  # fmt: skip
-                    continue
+                if need is None:
+                    if finer <= WITNESSED and _all_witnessed(
+                        x, y, finer, offsets[0, 0], offsets[0, 1], at_a, a_words, a_voxels, at_b, b_words, b_voxels,
+                        tall, base_x, base_y, stride, asked, witness, out,
+                    ):  # fmt: skip
+                        continue
                 cells, n_cells, split = lists[level], counts[level], 1 if finer == TOP else 2
                 dx, dy = offsets[finer, 0] + x, offsets[finer, 1] + y
-                if finer == 1 and need == 0:
-                    _decide(
-                        a_some_row, a_some, a_first[1], a_shape[1, 0], a_shape[1, 1], b_some_row, b_some, b_shape[1, 1],
-                        cells, n_cells, x, y, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, tall,
-                        base_x, base_y, stride, asked, witness, out,
-                    )  # fmt: skip
-                    continue
-                if need == 0:
+                if need is None:
+                    if finer == 1:
+                        _decide(
+                            a_some_row, a_some, a_first[1], a_shape[1, 0], a_shape[1, 1],
+                            b_some_row, b_some, b_shape[1, 1],
+                            cells, n_cells, x, y, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, tall,
+                            base_x, base_y, stride, asked, witness, out,
+                        )  # fmt: skip
+                        continue
                     counts[finer] = _sift(
                         a_own_row, a_own, a_some_row, a_some, a_sure_row, a_sure,
                         a_first[finer], a_shape[finer, 0], a_shape[finer, 1],
@@ -149,10 +155,11 @@ def _search(  # noqa: C901
                 if counts[finer] == SETTLED:
                     _settle(asked, base_x, base_y, stride, finer, x, y, out)
                 elif counts[finer] > 0 and finer == 1:
-                    _decide_every(
-                        lists[1], counts[1], x, y, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, tall,
-                        base_x, base_y, stride, asked, need, wanted, lanes, out,
-                    )  # fmt: skip
+                    if need is not None:
+                        _decide_every(
+                            lists[1], counts[1], x, y, dx, dy, at_a, a_words, a_voxels, at_b, b_words, b_voxels, tall,
+                            base_x, base_y, stride, asked, need, wanted, lanes, out,
+                        )  # fmt: skip
                 elif counts[finer] > 0:
                     block[finer, 0], block[finer, 1] = x, y
                     child[finer] = 0

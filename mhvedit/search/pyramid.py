@@ -157,17 +157,22 @@ def _lay(
     solid: bool,
     room: Room,
 ) -> tuple[int, int]:
-    """Lay turned columns and their pools into a room; how many columns there are along x and y."""
+    """Lay turned columns and their pools into a room; how many columns there are along x and y.
+
+    Numbers are told with their types: as plain ones they would have kernels compiled for each of them.
+    """
     low_x, high_x, low_y, high_y = turned_box(outline, c, s)
     n_x, n_y = high_x - low_x, high_y - low_y
     out = room.column_of[: n_x * n_y].reshape((n_x, n_y))
     lay_turned(column_of, start, c, s, low_x, low_y, out)
-    room.some.first[:], room.some.shape[:] = _levels(n_x, n_y, 0)
+    first, shape = _levels(n_x, n_y, np.int64(0))
     for level in range(TOP + 1):
         room.starts[level, 0], room.starts[level, 1] = low_x >> level, low_y >> level
-    _pool_cells(out, words, 0, room.some)
+        room.some.first[level] = first[level]
+        room.some.shape[level, 0], room.some.shape[level, 1] = shape[level]
+    _pool_cells(out, words, np.int64(0), room.some)
     if solid:
-        _pool_windows(out, every, 1, True, room.sure)
+        _pool_windows(out, every, np.int64(1), np.bool_(True), room.sure)
     else:
         room.sure.row_of[:], room.sure.rows[EMPTY] = EMPTY, 0
     return n_x, n_y

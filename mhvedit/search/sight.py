@@ -195,13 +195,12 @@ def _settle_block(
         if size <= WITNESSED and _all_see(witness, u, v, here, view, out[u : u + size, v : v + size]):
             continue
         at_x, at_y = eye[0] + (u + 0.5 * (size - 1)) * step, eye[1] + (v + 0.5 * (size - 1)) * step
-        if level == TOP:
-            kept = _sift(level, 1, roots, roots.shape[0], lists[level], at_x, at_y, view, cubes, witness)
-        else:
-            above = level + 1
-            kept = _sift(level, 2, lists[above], counts[above], lists[level], at_x, at_y, view, cubes, witness)
+        above, n_above, split = (roots, roots.shape[0], 1) if level == TOP else (lists[level + 1], counts[level + 1], 2)
+        kept = _sift(level, split, above, n_above, lists[level], at_x, at_y, view, cubes, witness)
         if kept == SETTLED:
-            out[u : u + size, v : v + size] = here
+            for x in range(here.shape[0]):
+                for y in range(here.shape[1]):
+                    out[u + x, v + y] = here[x, y]
         elif size > 1 and kept > 0:
             counts[level] = kept
             for quarter in range(4):
