@@ -15,14 +15,27 @@ from mhvedit import api
 from mhvedit.pipeline.output import CACHE
 
 
+RUNS = 3
+
+
 def answer_again(scene: Path, out: Path, before: api.Result, text: str) -> dict[str, float]:
-    """Seconds to a new answer after a change of the scene file, and to its files."""
+    """Seconds to a new answer after a change of the scene file, fastest and first of some times, and to its files."""
     scene.write_text(text)
+    there, seconds = results(out), []
+    for _ in range(RUNS):
+        for made in results(out) - there:
+            made.unlink()
+        began = time.perf_counter()
+        result = api.solve(api.load(scene, cache=out / CACHE), previous=before)
+        seconds.append(time.perf_counter() - began)
     began = time.perf_counter()
-    result = api.solve(api.load(scene, cache=out / CACHE), previous=before)
-    answered = time.perf_counter()
     api.write(result, out / "written")
-    return {"answer": answered - began, "write": time.perf_counter() - answered}
+    return {"answer": min(seconds), "first": seconds[0], "write": time.perf_counter() - began}
+
+
+def results(out: Path) -> set[Path]:
+    """What is kept of the stages."""
+    return set((out / CACHE / "results").glob("*/*.npz"))
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """The second process of a first run."""
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mhvedit.commands import ahead, examples
+from mhvedit.search.meet import search_shifts
 from tests.pipeline.toy import ANNA, BEN, write_actor, write_scene
 
 RUN_AND_COMPILE = """
@@ -29,6 +31,18 @@ from mhvedit.commands.examples import compile_examples
 compile_examples()
 for name, signature in signatures() - needed:
     print(name, signature)
+"""
+
+KERNELS = """
+from numba import njit
+
+@njit(cache=True)
+def look(x):
+    return x + 1
+
+@njit(cache=True)
+def look_again(x):
+    return x + 2
 """
 
 
@@ -61,7 +75,8 @@ def test_examples_compile_nothing_but_what_the_work_needs(tmp_path: Path) -> Non
 
 
 def test_nothing_is_compiled_ahead_that_is_kept(started: list[list[str]]) -> None:
-    examples.EXAMPLES[0]()
+    for example in examples.EXAMPLES:
+        example()
     ahead.compile_ahead()
     assert not started
 
@@ -69,7 +84,7 @@ def test_nothing_is_compiled_ahead_that_is_kept(started: list[list[str]]) -> Non
 def test_what_is_not_kept_is_compiled_ahead_where_there_is_a_processor_for_it(
     started: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ahead, "_is_kept", lambda source, kernel, folder: False)
+    monkeypatch.setattr(ahead, "_is_kept", lambda kernel: kernel is not search_shifts)
     for processors in (2, 1, None):
         monkeypatch.setattr(os, "cpu_count", lambda found=processors: found)
         ahead.compile_ahead()
@@ -77,11 +92,16 @@ def test_what_is_not_kept_is_compiled_ahead_where_there_is_a_processor_for_it(
 
 
 def test_a_kernel_is_kept_as_its_source_is_now(tmp_path: Path) -> None:
-    source, index, other = (tmp_path / name for name in ("meet.py", "meet.look-62.py311.nbi", "meet.more-1.py311.nbi"))
-    source.touch()
-    other.touch()
-    assert not ahead._is_kept(source, "look", tmp_path)
-    index.touch()
-    assert ahead._is_kept(source, "look", tmp_path)
-    os.utime(source, (index.stat().st_mtime + 5,) * 2)
-    assert not ahead._is_kept(source, "look", tmp_path)
+    source = tmp_path / "kernels.py"
+    source.write_text(KERNELS)
+    spec = importlib.util.spec_from_file_location("kernels", source)
+    assert spec is not None and spec.loader is not None
+    kernels = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(kernels)
+    kernels.look_again(1)
+    assert not ahead._is_kept(kernels.look)
+    kernels.look(1)
+    assert ahead._is_kept(kernels.look)
+    later = source.stat().st_mtime + 60
+    os.utime(source, (later, later))
+    assert not ahead._is_kept(kernels.look)

@@ -9,7 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from mhvedit.search import meet
+from numba.core.dispatcher import Dispatcher
+
+from mhvedit.optimise.bounds import bound_branches
+from mhvedit.search.meet import search_shifts
 
 
 def compile_ahead() -> None:
@@ -17,8 +20,8 @@ def compile_ahead() -> None:
 
     It ends with this one at the latest. Nothing depends on it.
     """
-    longest = meet.search_shifts  # to compile
-    if (os.cpu_count() or 1) < 2 or _is_kept(Path(meet.__file__), longest.__name__, Path(longest.stats.cache_path)):
+    longest = search_shifts, bound_branches  # to compile
+    if (os.cpu_count() or 1) < 2 or all(map(_is_kept, longest)):
         return
     helper = subprocess.Popen(
         [sys.executable, "-c", "from mhvedit.commands.examples import compile_examples; compile_examples()"],
@@ -30,7 +33,9 @@ def compile_ahead() -> None:
     atexit.register(helper.kill)
 
 
-def _is_kept(source: Path, kernel: str, folder: Path) -> bool:
-    """Whether numba keeps a kernel in a folder, as its source is now."""
-    written = source.stat().st_mtime
-    return any(index.stat().st_mtime >= written for index in folder.glob(f"{source.stem}.{kernel}-*.nbi"))
+def _is_kept(kernel: Dispatcher) -> bool:
+    """Whether numba keeps a kernel, as its source is now."""
+    source, folder = Path(kernel.py_func.__code__.co_filename), kernel.stats.cache_path
+    assert folder is not None  # which says that a kernel is not to be kept
+    indices = Path(folder).glob(f"{source.stem}.{kernel.py_func.__name__}-*.nbi")
+    return any(index.stat().st_mtime >= source.stat().st_mtime for index in indices)

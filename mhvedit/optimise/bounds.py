@@ -107,7 +107,8 @@ def bound_branches(
         loss -= _lowered(at, unary)
         forward, came_from = _forward(at, leave, arrive, unary, budget + loss)
         behind = _behind(at, leave, arrive, unary, forward, budget + loss)
-        through[start:stop] = forward + behind - loss
+        for n in range(stop - start):  # one by one, here and below: arrays put into arrays take seconds to compile
+            through[start + n] = forward[n] + behind[n] - loss
         final = at[-2]
         n = final + np.argmin(forward[final:])
         least[b] = max(forward[n] - loss, 0.0)
@@ -342,8 +343,9 @@ def _forward(
         source, target = _part(leave, at[g - 1], at[g]), _part(arrive, at[g], at[g + 1])
         left = limit - unary[at[g] : at[g + 1]]
         least, nearest = cheapest_step(value[at[g - 1] : at[g]], source, target, left)
-        value[at[g] : at[g + 1]] += least
-        came_from[at[g] : at[g + 1]] = at[g - 1] + nearest
+        for n in range(at[g], at[g + 1]):
+            value[n] += least[n - at[g]]
+            came_from[n] = at[g - 1] + nearest[n - at[g]]
     return value, came_from
 
 
@@ -352,12 +354,17 @@ def _behind(
     at: IntArray, leave: Places, arrive: Places, unary: FloatArray, forward: FloatArray, limit: float
 ) -> FloatArray:
     """The least cost of what follows each cell; infinite where the whole is above the limit."""
-    behind = np.where(forward <= limit, 0.0, np.inf)
+    behind = np.zeros(forward.shape[0])
+    for n in range(forward.shape[0]):
+        if forward[n] > limit:
+            behind[n] = np.inf
     for g in range(at.shape[0] - 2, 0, -1):
         source, target = _part(arrive, at[g], at[g + 1]), _part(leave, at[g - 1], at[g])
         value = behind[at[g] : at[g + 1]] + unary[at[g] : at[g + 1]]
         left = limit - forward[at[g - 1] : at[g]]
-        behind[at[g - 1] : at[g]], _ = cheapest_step(value, source, target, left)
+        least, _ = cheapest_step(value, source, target, left)
+        for n in range(at[g - 1], at[g]):
+            behind[n] = least[n - at[g - 1]]
     return behind
 
 
