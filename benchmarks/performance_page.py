@@ -27,9 +27,9 @@ The scene file is changed in one place, and solved again on the same folder. *Co
 from the start of the process to its end, the fastest of three runs. *Python*: `api.solve(api.load(...),
 previous=...)` in a process that has solved the scene before, the fastest of three times; the *first* also loads
 compiled kernels that nothing before it had need of, and reads what is kept. *Written* adds `api.write`, which writes
-all solution groups anew. The targets are for a change of one segment; the last two rows change all nine. Where the segments keep a
-pose in common, the chain costs nothing; the changes of `tolerance.voxels` and `tolerance.apart` take the last one
-away, so that a chain of different placements has to be found, and proven best.
+all solution groups anew. The targets are for a change of one segment; the last two rows change all nine. Where the
+segments keep a pose in common, the chain costs nothing; the changes of `tolerance.voxels` and `tolerance.apart` take
+the last one away, so that a chain of different placements has to be found, and proven best.
 """
 NOTE_MEASURED = """\
 In brackets how long `import numba` took when a part had been measured: the machine's speed varies by a factor of two

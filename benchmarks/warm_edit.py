@@ -14,7 +14,6 @@ from benchmarks.duel import edits, edits_of_all
 from mhvedit import api
 from mhvedit.pipeline.output import CACHE
 
-
 RUNS = 3
 
 
