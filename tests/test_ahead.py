@@ -105,3 +105,10 @@ def test_a_kernel_is_kept_as_its_source_is_now(tmp_path: Path) -> None:
     later = source.stat().st_mtime + 60
     os.utime(source, (later, later))
     assert not ahead._is_kept(kernels.look)
+
+
+def test_the_second_process_ends_with_the_first() -> None:
+    """Whose end of the pipe closes, however it ends."""
+    endless = "import time; from mhvedit.commands import examples; examples.EXAMPLES = (lambda: time.sleep(600),)"
+    ran = subprocess.run([sys.executable, "-c", f"{endless}; examples.main()"], stdin=subprocess.DEVNULL, timeout=60)
+    assert ran.returncode == 0

@@ -24,9 +24,9 @@ def compile_ahead() -> None:
     if (os.cpu_count() or 1) < 2 or all(map(_is_kept, longest)):
         return
     helper = subprocess.Popen(
-        [sys.executable, "-c", "from mhvedit.commands.examples import compile_examples; compile_examples()"],
+        [sys.executable, "-c", "from mhvedit.commands.examples import main; main()"],
         cwd=Path(__file__).parents[2],
-        stdin=subprocess.DEVNULL,
+        stdin=subprocess.PIPE,  # never written to: it closes when this process ends
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

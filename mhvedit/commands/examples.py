@@ -5,7 +5,9 @@ come in an order in which the work, which compiles what comes before them, finds
 """
 
 import os
+import sys
 from collections.abc import Callable
+from threading import Thread
 from typing import Final
 
 import numpy as np
@@ -79,8 +81,20 @@ EXAMPLES: Final[tuple[Callable[[], None], ...]] = (_meet, _list, _measure, _choo
 
 
 def compile_examples() -> None:
-    """Call all, one after the other; whoever waits for what he asked for goes first."""
-    if hasattr(os, "nice"):
-        os.nice(PATIENT)
+    """Call all, one after the other."""
     for example in EXAMPLES:
         example()
+
+
+def main() -> None:
+    """What the second process does: it lets the first one go before it, and ends with it."""
+    if hasattr(os, "nice"):
+        os.nice(PATIENT)
+    Thread(target=_end_with_input, daemon=True).start()
+    compile_examples()
+
+
+def _end_with_input() -> None:
+    """End the process when whoever holds the other end of its input does, however that comes about."""
+    sys.stdin.read()
+    os._exit(0)
