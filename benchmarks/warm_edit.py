@@ -12,6 +12,7 @@ from pathlib import Path
 
 from benchmarks.duel import edits, edits_of_all
 from mhvedit import api
+from mhvedit.pipeline.kept import entries_in
 from mhvedit.pipeline.output import CACHE
 
 RUNS = 3
@@ -20,21 +21,17 @@ RUNS = 3
 def answer_again(scene: Path, out: Path, before: api.Result, text: str) -> dict[str, float]:
     """Seconds to a new answer after a change of the scene file, fastest and first of some times, and to its files."""
     scene.write_text(text)
-    there, seconds = results(out), []
+    there, seconds = {entry.file for entry in entries_in(out)}, []
     for _ in range(RUNS):
-        for made in results(out) - there:
-            made.unlink()
+        for entry in entries_in(out):
+            if entry.file not in there:
+                entry.file.unlink()
         began = time.perf_counter()
         result = api.solve(api.load(scene, cache=out / CACHE), previous=before)
         seconds.append(time.perf_counter() - began)
     began = time.perf_counter()
     api.write(result, out / "written")
     return {"answer": min(seconds), "first": seconds[0], "write": time.perf_counter() - began}
-
-
-def results(out: Path) -> set[Path]:
-    """What is kept of the stages."""
-    return set((out / CACHE / "results").glob("*/*.npz"))
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from mhvedit.search.meet import search_shifts
 
 
 def compile_ahead() -> None:
-    """Start the second process, where nothing is compiled yet and there is a processor for it.
+    """Start the second process, where what takes longest is not kept yet and there is a processor for it.
 
     It ends with this one at the latest. Nothing depends on it.
     """
@@ -24,13 +24,12 @@ def compile_ahead() -> None:
     if (os.cpu_count() or 1) < 2 or all(map(_is_kept, longest)):
         return
     helper = subprocess.Popen(
-        [sys.executable, "-c", "from mhvedit.commands.examples import main; main()"],
-        cwd=Path(__file__).parents[2],
+        [sys.executable, "-P", "-c", "from mhvedit.commands.examples import main; main()"],
         stdin=subprocess.PIPE,  # never written to: it closes when this process ends
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    atexit.register(helper.kill)
+    atexit.register(helper.kill)  # and is held on to until then
 
 
 def _is_kept(kernel: Dispatcher) -> bool:
