@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.duel import BUNDLED
 from benchmarks.growth_tables import growth_section
-from benchmarks.kept_figures import keep, kept
+from benchmarks.kept_figures import SLOWER, keep, kept
 from benchmarks.performance_page import write_page
 from benchmarks.process import measured
 from benchmarks.search_case import WORKERS, SearchCase, keep_case
@@ -114,7 +114,7 @@ def main() -> None:
     keep("growth", rows)
     print("\n".join(growth_section(kept())))
     if asked.write:
-        write_page(kept(), into_docs=True)
+        write_page(kept(), kept(SLOWER), into_docs=True)
 
 
 if __name__ == "__main__":

@@ -10,21 +10,23 @@ from typing import Any
 
 from benchmarks.process import run
 
-FILE = Path(__file__).resolve().parents[1] / "docs" / "performance.json"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+FILE = DOCS / "performance.json"
+SLOWER = DOCS / "performance_slower.json"  # of a machine that is told of beside the first
 
 
-def kept() -> dict[str, Any]:
+def kept(file: Path = FILE) -> dict[str, Any]:
     """Figures by part."""
-    if not FILE.exists():
+    if not file.exists():
         return {}
-    found: dict[str, Any] = json.loads(FILE.read_text())
+    found: dict[str, Any] = json.loads(file.read_text())
     return found
 
 
-def keep(part: str, figures: dict[str, Any]) -> None:
+def keep(part: str, figures: dict[str, Any], file: Path = FILE) -> None:
     """Put the figures of one part in place of earlier ones, with the day and the machine they were measured on."""
     noted = {"measured": datetime.now(UTC).date().isoformat(), "machine": machine(), "speed": speed()}
-    FILE.write_text(json.dumps(kept() | {part: figures | noted}, indent=1) + "\n")
+    file.write_text(json.dumps(kept(file) | {part: figures | noted}, indent=1) + "\n")
 
 
 def speed() -> float:
@@ -34,10 +36,11 @@ def speed() -> float:
 
 def machine() -> str:
     """What kind of machine this is."""
-    names = [line.split(":")[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
+    told = dict(line.split("\t", 1) for line in _lines("/proc/cpuinfo") if "\t" in line)
+    names = [told[key].strip("\t: ") for key in ("model name", "cpu family") if key in told]
     total = [int(line.split()[1]) for line in _lines("/proc/meminfo") if line.startswith("MemTotal")]
     memory = f", {total[0] / 2**20:.0f} GB" if total else ""
-    processor = names[0] if names else platform.machine()
+    processor = ", family ".join(names) if names else platform.machine()
     return f"{os.cpu_count()} cores of {processor}{memory}, Python {platform.python_version()}"
 
 

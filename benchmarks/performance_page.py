@@ -35,6 +35,10 @@ NOTE_MEASURED = """\
 In brackets how long `import numba` took when a part had been measured: the machine's speed varies by a factor of two
 from hour to hour.
 """
+NOTE_SLOWER = """\
+What a target says in seconds depends on the machine. The same, measured by `--slower` on one that takes two to three
+times as long:
+"""
 NOTE_SEARCH = """\
 `search_poses` with the clauses of each segment: contact, its moments, what keeps apart. Sight is told apart, since the
 baselines leave it out; it is looked at only where the rest accepts.
@@ -51,13 +55,21 @@ Ratios are of times measured in one process, one after the other.
 """
 
 
-def write_page(figures: Figures, *, into_docs: bool) -> str:
-    """The page; `into_docs` to put it into docs/performance.md."""
-    lines = [INTRODUCTION, *targets(figures)]
+def write_page(figures: Figures, slower: Figures, *, into_docs: bool) -> str:
+    """The page; `into_docs` to put it into docs/performance.md.
+
+    Args:
+        figures: of all parts.
+        slower: of parts that were measured on a slower machine as well.
+        into_docs: whether to write the file.
+    """
+    lines = [INTRODUCTION, "## Targets", *targets(figures)]
+    if slower:
+        lines += ["", "### On a slower machine", NOTE_SLOWER, *targets(slower), "", *measured_when(slower)]
     for part, section in SECTIONS.items():
         if part in figures:
             lines += ["", *section(figures)]
-    page = "\n".join([*lines, "", *measured_when(figures)]) + "\n"
+    page = "\n".join([*lines, "", "## Measured", NOTE_MEASURED, *measured_when(figures)]) + "\n"
     if into_docs:
         PAGE.write_text(page, encoding="utf-8")
     return page
@@ -234,7 +246,7 @@ def measured_when(figures: Figures) -> list[str]:
         told = f"{part} ({own['speed']:.2f} s)" if "speed" in own else part
         by_machine.setdefault((own["machine"], own["measured"]), []).append(told)
     rows = [f"- {day}, {name}: {', '.join(parts)}" for (name, day), parts in by_machine.items()]
-    return ["## Measured", NOTE_MEASURED, *rows]
+    return rows
 
 
 SECTIONS: dict[str, Callable[[Figures], list[str]]] = {

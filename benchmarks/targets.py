@@ -13,7 +13,7 @@ def targets(figures: Figures) -> list[str]:
     """All targets, each with what was measured and whether it is met."""
     rows = [row for part, of_part in TARGETS.items() if part in figures for row in of_part(figures[part])]
     told = [[what, said, found, "yes" if met else "**missed**"] for what, said, found, met in rows]
-    return ["## Targets", *table(["what", "target", "measured", "met"], told)]
+    return table(["what", "target", "measured", "met"], told)
 
 
 def at_most(what: str, limit: float, found: float, unit: str) -> Target:
