@@ -6,6 +6,7 @@ import os
 import re
 import struct
 import threading
+import tokenize
 import tomllib
 import zipfile
 import zlib
@@ -36,6 +37,11 @@ PIECE: Final = 1 << 16  # numbers of a column that are made at a time
 # NumPy reads the header of an array with `ast`, which fails now and then in CPython 3.11 where two threads do so at the
 # same time (python/cpython#106905): so one does at a time.
 ONE_HEADER: Final = threading.Lock()
+# What reading an .npz raises that is missing, damaged or something else: each part of it is told by another library.
+UNREADABLE: Final = (
+    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError,
+    zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +106,7 @@ def load_npz(path: Path, *names: str, starting: str = "") -> dict[str, NDArray[A
         starting: what the names of all of them start with, where none is named.
 
     Raises:
-        KeyError: there is no such array.
-        OSError, ValueError, EOFError, zipfile.BadZipFile: the file is missing, damaged or no .npz.
+        one of UNREADABLE: the file is missing, damaged or no .npz; a KeyError too where there is no such array.
     """
     with ONE_HEADER, path.open("rb") as file:
         stored = np.load(file, allow_pickle=False)
@@ -109,6 +114,11 @@ def load_npz(path: Path, *names: str, starting: str = "") -> dict[str, NDArray[A
             raise ValueError("one array, and not an .npz")
         with stored:
             return {name: stored[name] for name in names or stored.files if name.startswith(starting)}
+
+
+def found_instead(fault: Exception) -> str:
+    """What was found in place of an .npz that could not be read, in words: of an exception among UNREADABLE."""
+    return getattr(fault, "strerror", None) or "a file that is damaged, or no .npz"
 
 
 def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
@@ -119,8 +129,7 @@ def map_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
         names: of the arrays.
 
     Raises:
-        KeyError: there is no such array.
-        OSError, ValueError, zipfile.BadZipFile: the file is missing or damaged.
+        one of UNREADABLE: the file is missing or damaged; a KeyError too where there is no such array.
     """
     arrays: dict[str, NDArray[Any]] = {}
     with ONE_HEADER, path.open("rb") as file, zipfile.ZipFile(file) as container:
@@ -141,7 +150,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         path: of the file.
 
     Raises:
-        OSError, ValueError, zipfile.BadZipFile: the file is missing or damaged.
+        one of UNREADABLE: the file is missing or damaged.
     """
     with path.open("rb", buffering=0) as file:
         data = np.empty(os.fstat(file.fileno()).st_size, np.uint8)

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from mhvedit.avoidance.methods import touched_frames
 from mhvedit.collision.detect import TOLERANCE, CollisionBody, Depths
 from mhvedit.errors import CaptureError, ShapeError
-from mhvedit.files import load_npz, write_arrays
+from mhvedit.files import UNREADABLE, found_instead, load_npz, write_arrays
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mhvedit.pipeline.avoid_report import Findings
-from mhvedit.pipeline.store import DAMAGED
 from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.skin import skin_into, sparse_weights
 
@@ -142,6 +141,7 @@ def read_postures(path: Path) -> Postures:
     """
     try:
         return Postures(**load_npz(path, *(field.name for field in fields(Postures))))
-    except DAMAGED as fault:
-        found = "nothing" if not path.exists() else f"damaged: {fault}"
-        raise CaptureError(path, "the postures of a motion; `mhvedit avoid` writes them", found) from fault
+    except UNREADABLE as fault:
+        raise CaptureError(
+            path, "the postures of a motion; `mhvedit avoid` writes them", found_instead(fault)
+        ) from fault

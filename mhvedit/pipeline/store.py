@@ -6,9 +6,6 @@ import logging
 import os
 import shutil
 import tempfile
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,15 +13,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from mhvedit.files import map_arrays, read_arrays, write_arrays
+from mhvedit.files import UNREADABLE, map_arrays, read_arrays, write_arrays
 from mhvedit.sequences.contents import Contents, contents
 from mhvedit.sequences.meshes import MeshSequence
 
 LOG = logging.getLogger(__name__)
-DAMAGED = (
-    OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError,
-    zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError,
-)  # fmt: skip
 Key = tuple[object, ...]  # the stage's name first
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -135,6 +128,6 @@ def _read(path: Path, names: tuple[str, ...]) -> Arrays | None:
         return read
     except FileNotFoundError:
         return None
-    except DAMAGED as fault:
+    except UNREADABLE as fault:
         LOG.warning("%s is damaged and is made again: %s", path, fault)
         return None

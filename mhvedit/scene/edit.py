@@ -168,10 +168,11 @@ def read_edit(path: Path | str) -> EditedScene:
         return _edit_from(data, Path(path).parent)
     except FileNotFoundError:
         raise CaptureError(path, "an edit written by `mhvedit solve`", "no such file") from None
-    except (ValueError, KeyError, TypeError) as fault:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as fault:
         if isinstance(fault, CaptureError):
             raise
-        raise CaptureError(path, "an edit written by `mhvedit solve`", f"{type(fault).__name__}: {fault}") from fault
+        found = f"none that says {fault}" if isinstance(fault, KeyError) else str(fault)
+        raise CaptureError(path, "an edit written by `mhvedit solve`", found) from fault
 
 
 def _edit_from(data: dict[str, Any], folder: Path) -> EditedScene:

@@ -1,13 +1,12 @@
 """Meshes that props have stopped: frames of the scene in which a subject does not look as it was captured."""
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from mhvedit.errors import CaptureError
-from mhvedit.files import load_npz
+from mhvedit.files import UNREADABLE, found_instead, load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.sequences.read import open_capture
@@ -49,8 +48,8 @@ def open_touched(path: Path) -> Touched:
     meshes = open_capture(path, name=path.stem)
     try:
         things = {name.removeprefix(THING): own for name, own in load_npz(path, starting=THING).items()}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as fault:
-        raise CaptureError(path, WRITTEN, type(fault).__name__) from fault
+    except UNREADABLE as fault:
+        raise CaptureError(path, WRITTEN, found_instead(fault)) from fault
     return Touched(meshes, things)
 
 

@@ -2,15 +2,13 @@
 
 import hashlib
 import logging
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from mhvedit.files import read_arrays, replacing, write_arrays
+from mhvedit.files import UNREADABLE, read_arrays, replacing, write_arrays
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.raw import RawMesh
 
@@ -19,7 +17,6 @@ PLACE: Final = ".place"  # ending of a file that says where a frame is
 PLACE_BYTES: Final = 64
 DIGEST: Final = 16  # bytes of the sum at the end of such a file
 _log = logging.getLogger(__name__)
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
 
 
 def cached_mesh(folder: Path, key: str, build: Callable[[], RawMesh]) -> RawMesh:
@@ -39,7 +36,7 @@ def cached_mesh(folder: Path, key: str, build: Callable[[], RawMesh]) -> RawMesh
         return _read(file)
     except FileNotFoundError:
         pass
-    except _DAMAGED as error:
+    except UNREADABLE as error:
         _log.warning("%s: damaged cache file is rebuilt (%s: %s)", file, type(error).__name__, error)
     mesh = build()
     try:

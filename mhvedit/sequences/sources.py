@@ -4,6 +4,7 @@ import os
 import re
 import threading
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.errors import CaptureError
-from mhvedit.files import ONE_HEADER, load_npz
+from mhvedit.files import ONE_HEADER, UNREADABLE, found_instead, load_npz
 from mhvedit.geometry.arrays import IntArray
 from mhvedit.sequences.contents import Contents, hash_of_bytes
 from mhvedit.sequences.formats import PARSERS, parse_mesh
@@ -117,6 +118,7 @@ class NpzSource:
 
     def __init__(self, path: Path) -> None:
         self._path, self._lock, self._arrays = path, threading.Lock(), dict[str, NDArray[Any]]()
+        self._stamp = stamp_of(path, (path,))
         small, shapes = _npz_overview(path)
         self._rows = {"vertices": _offsets(small["vertex_counts"]), "faces": _offsets(small["face_counts"])}
         _check_npz(path, small, shapes)
@@ -132,7 +134,8 @@ class NpzSource:
 
     def opened(self, number: int) -> tuple[str, None]:
         """The file's place, size and time of change, and the frame."""
-        return f"{file_stamp(self._path)}:{number}", None
+        check_unchanged(self._path, (self._path,), self._stamp)
+        return f"{self._stamp}:{number}", None
 
     def parsed(self, number: int, opened: None) -> RawMesh:
         """One frame; integers become metres by scale and origin."""
@@ -151,8 +154,8 @@ class NpzSource:
             if not self._arrays:
                 try:
                     self._arrays = load_npz(self._path, *self._names)
-                except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-                    raise CaptureError(self._path, "a readable .npz", f"{type(error).__name__}: {error}") from error
+                except UNREADABLE as error:
+                    raise CaptureError(self._path, "a readable .npz", found_instead(error)) from error
             return self._arrays
 
 
@@ -177,10 +180,10 @@ def _npz_overview(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, tuple[
                         small[f"type of {name}"] = np.zeros(0, kind)
                 elif name in ("vertex_counts", "face_counts", "frame_numbers", "fps", "scale", "origin"):
                     small[name] = stored[name]
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         if isinstance(error, CaptureError):
             raise
-        raise CaptureError(path, "a readable .npz", f"{type(error).__name__}: {error}") from error
+        raise CaptureError(path, "a readable .npz", found_instead(error)) from error
     return small, shapes
 
 
@@ -243,7 +246,24 @@ def _offsets(counts: NDArray[Any]) -> IntArray:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def file_stamp(path: Path) -> str:
-    """Place, size and time of change of a file that is too large to be hashed for every frame."""
-    state = path.stat()
-    return f"{path.resolve()}:{state.st_size}:{state.st_mtime_ns}"
+def stamp_of(path: Path, files: Iterable[Path]) -> str:
+    """Place, size and time of change of the files of a capture, which are too large to be hashed for every frame.
+
+    Raises:
+        CaptureError: one of them cannot be looked at.
+    """
+    try:
+        states = [(file.resolve(), file.stat()) for file in files]
+    except OSError as error:
+        raise CaptureError(error.filename or path, "a file that can be read", str(error.strerror)) from error
+    return ";".join(f"{place}:{state.st_size}:{state.st_mtime_ns}" for place, state in states)
+
+
+def check_unchanged(path: Path, files: Iterable[Path], stamp: str) -> None:
+    """See to it that the files of a capture are those that were opened: what is read of them is kept as theirs.
+
+    Raises:
+        CaptureError: a file is another one by now, or gone.
+    """
+    if stamp_of(path, files) != stamp:
+        raise CaptureError(path, "a file that stays as it is while it is open (open it again)", "a change")

@@ -79,8 +79,10 @@ def _lines(path: Path) -> Iterator["Reader"]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             yield csv.reader(file)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise CaptureError(path, "a readable CSV file", f"{type(error).__name__}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise CaptureError(path, "a CSV file in UTF-8", f"another byte at place {error.start}") from error
+    except (OSError, csv.Error) as error:
+        raise CaptureError(path, "a readable CSV file", getattr(error, "strerror", None) or str(error)) from error
 
 
 def _first_fault(path: Path) -> CaptureError:

@@ -1,6 +1,9 @@
 """USD stages with time-sampled meshes, whose connectivity may change from frame to frame."""
 
+import re
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mhvedit.errors import CaptureError, MissingLibrary
+from mhvedit.errors import CaptureError, MhveditError, MissingLibrary
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.sequences.raw import RawMesh, checked_mesh, triangulate
+from mhvedit.sequences.sources import check_unchanged, stamp_of
 
 Piece = tuple[NDArray[Any], IntArray, IntArray | None]  # points in stage space, triangles, labels
 
@@ -33,13 +37,15 @@ class UsdSource:
 
     def __init__(self, path: Path) -> None:
         self._path, self._lock = path, threading.Lock()
-        self._stage, self._meshes = _opened_stage(path)
-        times = sorted(set[float]().union(*(_sample_times(mesh) for mesh in self._meshes)))
+        with _readable(path):
+            self._stage, self._meshes = _opened_stage(path)
+            self._stamp = stamp_of(path, self._layers())
+            times = sorted(set[float]().union(*(_sample_times(mesh) for mesh in self._meshes)))
+            authored = self._stage.HasAuthoredMetadata("timeCodesPerSecond")
+            self.fps = float(self._stage.GetTimeCodesPerSecond()) if authored else None
+            self.axes = _stage_axes(self._stage)
         self._sampled = bool(times)
         self.numbers, self.files = _frame_numbers(path, times), (path,)
-        authored = self._stage.HasAuthoredMetadata("timeCodesPerSecond")
-        self.fps = float(self._stage.GetTimeCodesPerSecond()) if authored else None
-        self.axes = _stage_axes(self._stage)
 
     def __reduce__(self) -> tuple[type["UsdSource"], tuple[Path]]:
         """Another process opens the stage for itself."""
@@ -47,14 +53,18 @@ class UsdSource:
 
     def opened(self, number: int) -> tuple[str, None]:
         """Place, size and time of change of every layer, and the frame."""
-        layers = {layer.realPath.split("[")[0] for layer in self._stage.GetUsedLayers(True) if layer.realPath}
-        states = [(name, Path(name).stat()) for name in sorted(layers)]
-        return ";".join(f"{name}:{s.st_size}:{s.st_mtime_ns}" for name, s in states) + f":{number}", None
+        check_unchanged(self._path, self._layers(), self._stamp)
+        return f"{self._stamp}:{number}", None
+
+    def _layers(self) -> list[Path]:
+        """The files that the stage is read from; those in a .usdz are that file."""
+        places = {layer.realPath.split("[")[0] for layer in self._stage.GetUsedLayers(True) if layer.realPath}
+        return [Path(place) for place in sorted(places)]
 
     def parsed(self, number: int, opened: None) -> RawMesh:
         """All meshes of a frame as one."""
         where = f"{self._path}: frame {number}"
-        with self._lock:
+        with self._lock, _readable(where):
             pieces = _pieces(self._meshes, number, self._sampled, where)
         if not pieces:
             raise CaptureError(where, "a visible mesh", "none")
@@ -74,13 +84,36 @@ def _pxr() -> Any:  # noqa: ANN401 - modules of an untyped library
     return Usd, UsdGeom
 
 
+@contextmanager
+def _readable(where: Path | str) -> Iterator[None]:
+    """Say in one sentence what the library finds amiss with a stage, whatever it raises for that.
+
+    Raises:
+        CaptureError: it finds something amiss.
+    """
+    try:
+        yield
+    except MhveditError:
+        raise
+    except Exception as error:
+        raise CaptureError(where, "a readable USD stage", _in_words(error)) from error
+
+
+def _in_words(error: Exception) -> str:
+    """What an error says, without where in the library's own source it arose."""
+    try:
+        said = " ".join(str(error).split())
+    except UnicodeDecodeError:  # it quotes the file
+        return "text that is not UTF-8"
+    within = re.search(r" : '(.+?)'(?: Error in |$)", said)
+    return re.sub(r"(matching )?\S*pxrInternal\S* ?", "", within[1] if within else said)[:200]
+
+
 def _opened_stage(path: Path) -> tuple[Any, list[Any]]:
     """The stage, with held interpolation, and its meshes."""
     usd, geom = _pxr()
-    try:
-        stage = usd.Stage.Open(str(path))
-    except Exception as error:  # pxr's Tf.ErrorException is not importable without pxr
-        raise CaptureError(path, "a readable USD stage", " ".join(str(error).split())[:200]) from error
+    stage = usd.Stage.Open(str(path))
+    stage.Reload()  # layers that something else holds open are shared, as they were when that was opened
     stage.SetInterpolationType(usd.InterpolationTypeHeld)
     predicate = usd.TraverseInstanceProxies()
     meshes = [geom.Mesh(prim) for prim in stage.Traverse(predicate) if prim.IsA(geom.Mesh)]

@@ -3,7 +3,6 @@
 A posed vertex is sum_j w_j (R_j (v - rest_j) + p_j), with the weights exactly as the file has them.
 """
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mhvedit.errors import CaptureError, ShapeError
-from mhvedit.files import load_npz, replacing
+from mhvedit.files import UNREADABLE, found_instead, load_npz, replacing
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
 from mhvedit.skeleton.dofs import body_skeleton, dofs_from_frames
 from mhvedit.skeleton.forward import joint_frames
@@ -183,9 +182,8 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
     """All arrays of the file, checked."""
     try:
         arrays = load_npz(path)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        found = getattr(error, "strerror", None) or f"{type(error).__name__}"
-        raise CaptureError(path, "a skinned motion (.npz)", str(found)) from error
+    except UNREADABLE as error:
+        raise CaptureError(path, "a skinned motion (.npz)", found_instead(error)) from error
     missing = [name for name in _SHAPES if name not in arrays]
     if missing:
         raise CaptureError(path, "arrays " + ", ".join(_SHAPES), f"no {', '.join(missing)}")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError, MhveditError, SceneError
-from mhvedit.files import load_npz
+from mhvedit.files import UNREADABLE, load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Job, load
@@ -18,7 +18,7 @@ from mhvedit.pipeline.output import CACHE, EDIT, REPORT, SOURCE, solutions_path
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.run import job_of
 from mhvedit.pipeline.shown import shown_people
-from mhvedit.pipeline.store import DAMAGED, open_store
+from mhvedit.pipeline.store import open_store
 from mhvedit.project.scene_file import read_text
 from mhvedit.project.schema import SceneFile
 from mhvedit.project.subject_keys import subject_spec
@@ -181,7 +181,7 @@ def _segment(path: Path, span: SegmentEdit, why: str) -> SegmentView | None:
     """One solution group in its file; None where the file is of an older version or not there."""
     try:
         kept = load_npz(path, *SMALL)
-    except DAMAGED:
+    except UNREADABLE:
         return None
     size, n_yaw, step = len(kept["axes_x"]), len(kept["axes_yaw"]), float(kept["step"])
     grid = PoseGrid(step, 1, n_yaw, (size - 1) * step, kept["root_a"], kept["root_b"], kept["base"], size)

@@ -2,8 +2,6 @@
 
 import hashlib
 import logging
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +9,7 @@ import numpy as np
 import trimesh
 
 from mhvedit.errors import MissingLibrary
-from mhvedit.files import load_npz, replacing
+from mhvedit.files import UNREADABLE, load_npz, replacing
 from mhvedit.geometry.arrays import FloatArray, Int32Array
 from mhvedit.world.pieces import Piece, hull, mesh_mass
 from mhvedit.world.problems import WorldError
@@ -21,7 +19,6 @@ CONCAVITY: Final = 0.03  # coacd's threshold, of the size of the mesh
 SMALLEST: Final = 1e-9  # m3
 _VERSION: Final = b"1 coacd"  # of what is kept
 _log = logging.getLogger(__name__)
-_DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 def check_solid(name: str, vertices: FloatArray, faces: Int32Array) -> None:
@@ -76,7 +73,7 @@ def _kept(file: Path, vertices: FloatArray, faces: Int32Array) -> list[FloatArra
         return [np.asarray(part) for part in np.split(stored["points"], stored["starts"][1:])]
     except FileNotFoundError:
         pass
-    except _DAMAGED as error:
+    except UNREADABLE as error:
         _log.warning("%s: damaged cache file is rebuilt (%s)", file, error)
     parts = _decomposed(vertices, faces)
     starts = np.cumsum([0] + [len(part) for part in parts[:-1]])

@@ -162,6 +162,29 @@ def test_npz_with_numbers_labels_and_integers(tmp_path: Path) -> None:
     assert mesh.labels is not None and mesh.labels.tolist() == [3, 4, 5, 6]
 
 
+def test_an_npz_that_changes_is_not_taken_for_the_one_that_was_opened(tmp_path: Path) -> None:
+    source = NpzSource(npz(tmp_path))
+    raw(source, 0)
+    npz(tmp_path, fps=12.0, vertices=np.zeros((7, 3), np.float32))
+    with pytest.raises(CaptureError, match=r"a.npz: expected a file that stays as it is while it is open"):
+        raw(source, 1)
+    (tmp_path / "a.npz").unlink()
+    with pytest.raises(CaptureError, match=r"a.npz: expected a file that can be read, found No such file"):
+        raw(source, 1)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_npz_of_which_bytes_are_lost_is_read_or_named(seed: int, tmp_path: Path) -> None:
+    path, rng = npz(tmp_path), np.random.default_rng(seed)
+    data = np.frombuffer(path.read_bytes(), np.uint8).copy()
+    data[rng.integers(0, len(data), 5)] ^= rng.integers(1, 256, 5, np.uint8)
+    path.write_bytes(data.tobytes())
+    try:
+        raw(NpzSource(path), 1)
+    except CaptureError as told:
+        assert "a.npz" in str(told)
+
+
 def test_sources_go_to_other_processes(tmp_path: Path) -> None:
     source = pickle.loads(pickle.dumps(NpzSource(npz(tmp_path))))
     assert len(raw(source, 1).faces) == 2
@@ -211,6 +234,14 @@ def test_npz_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_bytes(b"never an archive")
     with pytest.raises(CaptureError, match=r"a.npz: expected a readable .npz, found "):
         NpzSource(tmp_path / "a.npz")
+    for faulty in (b"\x78", b"\xff"):  # bytes of the first array's compressed content: told by zlib alone
+        path = npz(tmp_path)
+        data = bytearray(path.read_bytes())
+        start = data.index(b"faces.npy") + 40
+        data[start : start + 20] = faulty * 20
+        path.write_bytes(data)
+        with pytest.raises(CaptureError, match=r"a.npz: expected a readable .npz, found a file that is damaged"):
+            raw(NpzSource(path), 1)
     path = npz(tmp_path)
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(CaptureError, match=r"a.npz: expected a readable .npz, found "):

@@ -127,6 +127,16 @@ def test_a_change_of_the_stage_is_noticed(tmp_path: Path) -> None:
     assert UsdSource(path).opened(3)[0] != before != UsdSource(path).opened(5)[0]
 
 
+def test_a_stage_written_anew_is_read_anew_even_while_the_old_one_is_open(tmp_path: Path) -> None:
+    path = stage(tmp_path / "a.usdc")
+    before = UsdSource(path)
+    os.replace(stage(tmp_path / "b.usdc", lambda _, mesh: put(mesh, TRIANGLE * 7, [[0, 1, 2]], 3)), path)
+    after = UsdSource(path)
+    assert raw(after, 3).vertices.max() == 7
+    with pytest.raises(CaptureError, match=r"a.usdc: expected a file that stays as it is while it is open"):
+        before.opened(3)
+
+
 def test_stages_go_to_other_processes(tmp_path: Path) -> None:
     source = pickle.loads(pickle.dumps(UsdSource(stage(tmp_path / "a.usdc"))))
     assert len(raw(source, 5).faces) == 2
@@ -178,6 +188,21 @@ def test_a_stage_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.usda").write_text("never a stage")
     with pytest.raises(CaptureError, match=r"a.usda: expected a readable USD stage, found "):
         UsdSource(tmp_path / "a.usda")
+
+
+@pytest.mark.parametrize("suffix", [".usda", ".usdc"])
+@pytest.mark.parametrize("seed", range(20))
+def test_a_stage_of_which_bytes_are_lost_is_read_or_named(seed: int, suffix: str, tmp_path: Path) -> None:
+    path, rng = stage(tmp_path / f"a{suffix}"), np.random.default_rng(seed)
+    data = np.frombuffer(path.read_bytes(), np.uint8).copy()
+    data[rng.integers(0, len(data), 5)] ^= rng.integers(1, 256, 5, np.uint8)
+    (tmp_path / f"b{suffix}").write_bytes(data.tobytes())
+    try:
+        capture = open_capture(tmp_path / f"b{suffix}", name="b")
+        for number in capture.numbers:
+            capture.mesh(number)
+    except CaptureError as told:
+        assert f"b{suffix}" in str(told) and "pxrInternal" not in str(told)
 
 
 def test_without_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
