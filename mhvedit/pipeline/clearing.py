@@ -51,7 +51,7 @@ def kept_clear(
     props: Mapping[str, Prop],
     bodies: Mapping[str, Body],
     store: Store,
-    workers: int = 2,
+    workers: int,
 ) -> Assembly:
     """The scene with paths that give way; untouched where nobody is too deep in anybody.
 

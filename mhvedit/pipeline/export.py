@@ -19,6 +19,7 @@ from mhvedit.geometry.arrays import ByteArray
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.output import EDIT
 from mhvedit.pipeline.people import meet_people
+from mhvedit.pipeline.progress import silent
 from mhvedit.pipeline.run import job_of
 from mhvedit.pipeline.shown import shown_subjects
 from mhvedit.project.schema import OwnMeshSpec, SubjectSpec
@@ -80,7 +81,7 @@ def export_output(
     edit = read_edit(out / EDIT)
     job = job_of(out)
     scene = export_scene(edit, job, out)
-    tell = progress or (lambda stage, share: None)
+    tell = progress or silent
     match format_of(to):
         case Format.GLB:
             return write_glb(scene, to, draco=settings.draco, tell=tell)

@@ -16,10 +16,8 @@ from mhvedit.project.schema import SegmentSpec
 from mhvedit.scene.eyes import eyes_in
 from mhvedit.scene.report import SceneReport
 from mhvedit.scene.shown import shown_scene
-from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.view.charts import SceneCheck
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory, StorySide
-from mhvedit.volumes.parts import OwnMesh
 from mhvedit.volumes.subject import SubjectVolumes, part_of
 
 DOUBTFUL_FACING = 0.3  # trust below which an estimated facing is pointed out
@@ -50,7 +48,7 @@ def report_content(
         scene=scene,
         captures={name: person.sequence for name, person in people.items()}
         | {name: prop.sequence for name, prop in result.job.props.items()},
-        things={name: _things(person) for name, person in people.items()},
+        things={name: list(person.subject.held.values()) for name, person in people.items()},
         eyes=eyes,
         check=None if check is None else scene_check(check),
         limit_mm=limit_mm,
@@ -81,10 +79,6 @@ def scene_check(report: SceneReport) -> SceneCheck:
 
 def _per_frame(steps: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.nan_to_num(steps)])
-
-
-def _things(person: Person) -> list[MeshSequence]:
-    return [part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh)]
 
 
 def _story(result: Result, index: int) -> SegmentStory:
