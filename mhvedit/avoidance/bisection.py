@@ -16,6 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from mhvedit.avoidance.posture import Posture
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.flags import runs_of
 
 Predict = Callable[[int, FloatArray, int], Posture]  # frame, (T, D) curves, frames to the next key: a free posture
 Collides = Callable[[IntArray, FloatArray], BoolArray]  # (K,) frames and their (K, D) postures to (K,)
@@ -61,9 +62,7 @@ def collision_groups(colliding: BoolArray, *, start: int = 0) -> list[tuple[int,
     >>> collision_groups(np.array([True, True, False, True]), start=10)
     [(10, 11), (13, 13)]
     """
-    padded = np.concatenate([[False], colliding, [False]])
-    edges = np.flatnonzero(padded[1:] != padded[:-1]) + start
-    return [(int(first), int(past) - 1) for first, past in zip(edges[::2], edges[1::2], strict=True)]
+    return [(start + run[0], start + run[-1]) for run in runs_of(colliding)]
 
 
 def bisect(

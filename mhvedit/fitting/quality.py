@@ -15,6 +15,7 @@ from mhvedit.fitting.fit import Pose, Target, nearest_facing, posed_samples, pos
 from mhvedit.fitting.joints import NAMES
 from mhvedit.fitting.template import Template, outward_normals
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.flags import frames_in_words, runs_of
 from mhvedit.sequences.bodies import BodyTrack
 from mhvedit.sequences.meshes import Mesh
 
@@ -115,9 +116,9 @@ def refusals(like: Likeness, numbers: Sequence[int], frames: Sequence[FrameFit])
             why.append(
                 f"{name} has {100 * share:.0f} % of the skin that people have there, at least {100 * LEAST_SHARE:.0f}"
             )
-    for first, last in runs([frame.usable for frame in frames]):
-        worst = min(frames[first : last + 1], key=lambda frame: frame.met + frame.explained)
-        span = f"frame {numbers[first]}" if first == last else f"frames {numbers[first]} to {numbers[last]}"
+    for run in runs_of(np.array([not frame.usable for frame in frames], np.bool_)):
+        worst = min(frames[run.start : run.stop], key=lambda frame: frame.met + frame.explained)
+        span = frames_in_words(numbers[run[0]], numbers[run[-1]])
         why.append(
             f"{span}: {1000 * worst.gap:.1f} mm between template and capture (at most {1000 * LARGEST_GAP:.1f}), "
             f"{100 * worst.met:.0f} % of the template met (at least {100 * LEAST_MET:.0f}), "
@@ -141,12 +142,3 @@ def jumps(numbers: Sequence[int], places: FloatArray, *, fps: float) -> tuple[st
         f"{numbers[at + 1]}, at most {FASTEST:.0f}"
         for at in np.flatnonzero((speed > FASTEST).any(1)).tolist()
     )
-
-
-def runs(usable: Sequence[bool]) -> list[tuple[int, int]]:
-    """First and last index of each run of frames that are not usable."""
-    bad = np.flatnonzero(~np.array(usable, np.bool_))
-    if not len(bad):
-        return []
-    pieces = np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1)
-    return [(int(piece[0]), int(piece[-1])) for piece in pieces]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.flags import frames_in_words, runs_of
 from mhvedit.geometry.quaternions import quaternions_of, rotation_matrices, slerp
 from mhvedit.pipeline.assemble import Assembly
 from mhvedit.pipeline.keys import frames_key
@@ -106,17 +107,14 @@ def entered(report: SceneReport, props: Mapping[str, Prop]) -> list[dict[str, An
     found = []
     for pair in report.pairs:
         who, what = pair.between
-        deep = np.flatnonzero(pair.gap < -NOTABLE) if what in props else np.zeros(0, np.int64)
-        for run in np.split(deep, np.flatnonzero(np.diff(deep) > 1) + 1):
-            if len(run):
-                first, last, depth = int(run[0]), int(run[-1]), -1000 * float(pair.gap[run].min())
-                where = f"frames {first}-{last}" if last > first else f"frame {first}"
-                found.append(
-                    {
-                        "subject": who, "prop": what, "first": first, "last": last, "depth_mm": round(depth, 1),
-                        "sentence": f"{who} enters {what} by {depth:.0f} mm in {where}",
-                    }
-                )  # fmt: skip
+        for run in runs_of(pair.gap < -NOTABLE) if what in props else []:
+            first, last, depth = run[0], run[-1], -1000 * float(pair.gap[run.start : run.stop].min())
+            found.append(
+                {
+                    "subject": who, "prop": what, "first": first, "last": last, "depth_mm": round(depth, 1),
+                    "sentence": f"{who} enters {what} by {depth:.0f} mm in {frames_in_words(first, last)}",
+                }
+            )  # fmt: skip
     return found
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mhvedit.errors import SceneError
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.flags import frames_in_words
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.geometry.quaternions import quaternions_of, rotation_matrices
 from mhvedit.pipeline.bodies import inside
@@ -111,13 +112,9 @@ def said_of(overlaps: list[tuple[Overlap, ...]], props: Mapping[str, Prop]) -> l
         for _, run in groupby(enumerate(own), lambda item: item[1][1] - item[0]):
             stretch = [item for _, item in run]
             worst = max((each for each, _ in stretch), key=lambda each: each.left)
-            where = _frames(stretch[0][1], stretch[-1][1])
+            where = frames_in_words(stretch[0][1], stretch[-1][1])
             said.append(f"{props[body].spec.key}: is held {1000 * worst.left:.0f} mm inside {worst.other} in {where}")
     return said
-
-
-def _frames(first: int, last: int) -> str:
-    return f"frame {first}" if first == last else f"frames {first} to {last}"
 
 
 class _Crowds:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mhvedit.files import load_npz
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.geometry.flags import frames_in_words
 from mhvedit.pipeline.assemble import Assembly, Stop
 from mhvedit.pipeline.bodies import bodies_of, surroundings_of
 from mhvedit.pipeline.depths import Movers, depths_at_first, frames_of, movers_of, relative_placements
@@ -74,7 +75,7 @@ def with_stops(
 
 def stop_in_words(stop: Stop) -> str:
     """What became of a run of frames, in a sentence."""
-    where = f"frames {stop.first}-{stop.last}" if stop.last > stop.first else f"frame {stop.first}"
+    where = frames_in_words(stop.first, stop.last)
     if not stop.limbs:
         return f"{stop.subject} stays {stop.before_mm:.0f} mm inside {stop.prop} in {where}: {stop.why}"
     said = (

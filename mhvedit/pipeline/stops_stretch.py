@@ -13,8 +13,8 @@ import numpy as np
 
 from mhvedit.fitting.deform import BoneFrames, carried
 from mhvedit.fitting.joints import NAMES
-from mhvedit.fitting.quality import runs
-from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
+from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.flags import runs_of
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.pipeline.assemble import Stop
 from mhvedit.pipeline.stops_actor import (
@@ -118,15 +118,6 @@ def windows_of(depths: Mapping[str, FloatArray], n_frames: int) -> list[range]:
     for frame in np.flatnonzero(np.max(list(depths.values()), axis=0) > DEEP).tolist():
         near[max(0, frame - FADE) : frame + FADE + 1] = True
     return runs_of(near)
-
-
-def runs_of(which: BoolArray) -> list[range]:
-    """Runs of frames.
-
-    >>> runs_of(np.array([False, True, True, False, True]))
-    [range(1, 3), range(4, 5)]
-    """
-    return [range(first, last + 1) for first, last in runs((~which).tolist())]
 
 
 def _placed_prop(prop: Prop) -> Mesh:

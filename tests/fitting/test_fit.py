@@ -14,7 +14,7 @@ from mhvedit.fitting.capture import CaptureFit, fit_capture
 from mhvedit.fitting.fit import N_JOINTS, N_POSE, Pose, joint_places
 from mhvedit.fitting.joints import MIRROR, NAMES, PARENTS, joint
 from mhvedit.fitting.kernels import add_surface, chain_into, pose_into
-from mhvedit.fitting.quality import FitRefused, FrameFit, jumps, refusals, runs
+from mhvedit.fitting.quality import FitRefused, FrameFit, jumps, refusals
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.body_model import LEFT_ELBOW, RIGHT_ELBOW, RIGHT_KNEE
 from mhvedit.sequences.meshes import Mesh, MeshSequence
@@ -172,7 +172,6 @@ def test_frames_that_are_not_met_are_named(figure_fit: tuple[CaptureFit, FloatAr
     away[2, joint("left_hand")] = 0.6
     assert jumps([4, 5, 6], np.zeros((3, N_JOINTS, 3)), fps=25.0) == ()
     assert jumps([4, 5, 6], away, fps=25.0) == ("left_hand moves at 26 m/s between frames 5 and 6, at most 12",)
-    assert runs([True, False, True, False, False]) == [(1, 1), (3, 4)]
     assert issubclass(FitRefused, MhveditError)
     assert "expected a capture that a skeleton fits" in str(FitRefused("anna", [sentence]))
     assert len(NAMES) == len(fit.likeness.shares)

@@ -127,7 +127,7 @@ def test_who_reaches_into_a_table_is_told(tmp_path: Path) -> None:
     [run] = told["entered"]
     assert (run["subject"], run["prop"], run["last"]) == ("anna", "table", 23)
     assert run["depth_mm"] == pytest.approx(20, abs=1)
-    assert run["sentence"] == f"anna enters table by {run['depth_mm']:.0f} mm in frames {run['first']}-23"
+    assert run["sentence"] == f"anna enters table by {run['depth_mm']:.0f} mm in frames {run['first']} to 23"
 
 
 def test_a_driven_box_follows_its_motion(tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def test_the_check_and_the_report_agree(reached: Reached) -> None:
     [stop] = told["stops"]
     assert (stop["subject"], stop["prop"], stop["limbs"], stop["why"]) == ("a", "table", ["right arm"], "")
     assert stop["before_mm"] > 100 > 3 > stop["after_mm"]
-    assert stop["sentence"].startswith(f"a: right arm stopped at table in frames {stop['first']}-{stop['last']}, ")
+    assert stop["sentence"].startswith(f"a: right arm stopped at table in frames {stop['first']} to {stop['last']}, ")
     report, _ = check_output(reached.out, thresholds=Thresholds())
     [pair] = [pair for pair in report.pairs if pair.between == ("a", "table")]
     assert pair.gap.min() > -2 * MM

@@ -153,7 +153,7 @@ def test_limbs_that_would_run_into_somebody_else_stay() -> None:
 def test_a_run_is_told_in_a_sentence() -> None:
     stop = Stop("anna", "wall", 5, 23, 75.0, 0.2, ("left arm",), 14.2, "left_forearm", "")
     told = (
-        "anna: left arm stopped at wall in frames 5-23, 75 mm deep as captured, 0 mm now; "
+        "anna: left arm stopped at wall in frames 5 to 23, 75 mm deep as captured, 0 mm now; "
         "left_forearm turns by 14 degrees"
     )
     assert stop_in_words(stop) == told
