@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mhvedit.commands.shared import DONE, NO, Json, Out, Workers, progress_bar
+from mhvedit.commands.shared import DONE, NO, Json, Out, Workers, progress_bar, say
 
 if TYPE_CHECKING:
     from mhvedit.pipeline.avoid import AvoidOutcome
@@ -42,16 +42,22 @@ def avoid(
         report=report,
         workers=workers,
     )
+    warned = list[str]()
+
+    def warn(sentence: str) -> None:
+        warned.append(sentence)
+        say(f"warning: {sentence}")
+
     with progress_bar(quiet=json_) as progress:
-        outcome = run_avoid(motion, out, options=options, progress=progress)
+        outcome = run_avoid(motion, out, options=options, progress=progress, warn=warn)
     if json_:
         print(json.dumps(dict(outcome.report), indent=1))
     else:
-        _print_outcome(outcome, out)
+        _print_outcome(outcome, out, warned)
     raise typer.Exit(DONE if outcome.found.avoided.converged else NO)
 
 
-def _print_outcome(outcome: "AvoidOutcome", out: Path) -> None:
+def _print_outcome(outcome: "AvoidOutcome", out: Path, warned: list[str]) -> None:
     m = outcome.found.metrics
     print(
         f"{m.frames} frames, colliding {m.colliding_before} before and {m.colliding_after} after; "
@@ -60,6 +66,7 @@ def _print_outcome(outcome: "AvoidOutcome", out: Path) -> None:
     for sentence in outcome.found.why:
         print(f"did not converge: {sentence}")
     for sentence in outcome.found.notes:
-        print(f"note: {sentence}")
+        if sentence not in warned:
+            print(f"note: {sentence}")
     page = out / "report.html"
     print(f"open {page}" if page.exists() else f"written to {out}")

@@ -73,7 +73,14 @@ class AvoidOutcome:
     report: Mapping[str, Any]  # as in `report.json`
 
 
-def run_avoid(path: Path, out: Path, *, options: AvoidOptions, progress: Progress | None = None) -> AvoidOutcome:
+def run_avoid(
+    path: Path,
+    out: Path,
+    *,
+    options: AvoidOptions,
+    progress: Progress | None = None,
+    warn: Callable[[str], None] | None = None,
+) -> AvoidOutcome:
     """Free a motion of self-collision and write it with `postures.npz`, `report.json` and `report.html`.
 
     Args:
@@ -81,11 +88,15 @@ def run_avoid(path: Path, out: Path, *, options: AvoidOptions, progress: Progres
         out: folder.
         options: of the run.
         progress: told stage and share done.
+        warn: told what speaks against units and up axis, before anything else is done; the report has it too.
 
     Raises:
         CaptureError: the motion or a mesh cannot be used.
     """
     opened = open_motion(path, body=options.body, units=options.units, up=options.up)
+    warn = warn or (lambda text: None)
+    for doubt in opened.doubts:
+        warn(doubt)
     body = _with_equipment(opened.body, options.attached)
     problem, ready = avoidance_problem(
         body, opened.motion, frozen=options.frozen, nearest=opened.nearest, workers=options.workers
@@ -104,7 +115,7 @@ def run_avoid(path: Path, out: Path, *, options: AvoidOptions, progress: Progres
         (before, after),
         metrics,
         reasons(ready, avoided),
-        (*opened.notes, *said_beyond_limits(body.skeleton, opened.motion), *said_steps(metrics)),
+        (*opened.doubts, *opened.notes, *said_beyond_limits(body.skeleton, opened.motion), *said_steps(metrics)),
         seconds,
     )
     report = as_report(found)

@@ -10,7 +10,10 @@ from mhvedit.avoidance.capsules import capsule_body
 from mhvedit.avoidance.retarget import retargeted, shared_dofs, stature
 from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import FloatArray
+from mhvedit.sequences.axes import METRES, from_metres_z_up
+from mhvedit.sequences.guess import PEOPLE, guess_units, guess_up, said_of_units, said_of_up
 from mhvedit.skeleton.bvh_motion import BvhTake, read_bvh_motion, write_bvh_motion
+from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.model import Motion, Skeleton
 from mhvedit.skeleton.skin import SkinnedBody, read_skinned, write_skinned
 
@@ -28,6 +31,7 @@ class OpenMotion:
     write: Callable[[Path, Motion], None]
     notes: tuple[str, ...] = ()
     nearest: int = 2  # limbs this many joints apart must not meet
+    doubts: tuple[str, ...] = ()  # whether the file was read as it was meant, in sentences
 
 
 def open_motion(path: Path, *, body: Path | None = None, units: str = "m", up: str = "z") -> OpenMotion:
@@ -59,6 +63,7 @@ def open_motion(path: Path, *, body: Path | None = None, units: str = "m", up: s
 def _open_bvh(path: Path, body: Path | None, units: str, up: str) -> OpenMotion:
     """A BVH on capsules of its own, or on a skinned body."""
     take = read_bvh_motion(path, units=units, up=up)
+    doubts = tuple(f"{path}: {sentence}" for sentence in _doubts(take))
     if body is None:
         own = capsule_body(take.skeleton)
         return OpenMotion(
@@ -68,12 +73,38 @@ def _open_bvh(path: Path, body: Path | None, units: str, up: str) -> OpenMotion:
             lambda out, motion: write_bvh_motion(out, take, motion),
             take.notes,
             CAPSULES_APART,
+            doubts,
         )
     other = read_skinned(body).body
     moved = retargeted(take.motion, take.skeleton, other.skeleton)
     return OpenMotion(
-        other, moved, ".bvh", lambda out, motion: _write_back(out, take, other.skeleton, moved, motion), take.notes
+        other,
+        moved,
+        ".bvh",
+        lambda out, motion: _write_back(out, take, other.skeleton, moved, motion),
+        take.notes,
+        doubts=doubts,
     )
+
+
+def _doubts(take: BvhTake) -> tuple[str, ...]:
+    """Whether units and up axis are those of a person, asked as of a capture; BVH itself says neither."""
+    places = joint_frames(take.skeleton, take.motion.q)[1]
+    height = float(np.median(np.ptp(places[..., 2], axis=1)))
+    size = float(np.median(np.ptp(places, axis=1).max(1)))
+    stored = from_metres_z_up(places, units=take.units, up=take.up)
+    low, high = stored.min(1), stored.max(1)
+    units, metres = guess_units(low, high), METRES[take.units]
+    if units != take.units:
+        return (said_of_units(height, size, likely=units, how=f"--units {units}"),)
+    up = guess_up(low * metres, high * metres, read_as=take.up)
+    if up != take.up:
+        return (said_of_up(height, likely=up, how=f"--up {up}"),)
+    if not PEOPLE[0] <= size <= PEOPLE[1]:
+        return (
+            f"{size:.3g} m long, and people are {PEOPLE[0]:g} to {PEOPLE[1]:g} m: are its units none of m, cm and mm?",
+        )
+    return ()
 
 
 def _write_back(path: Path, take: BvhTake, target: Skeleton, before: Motion, after: Motion) -> None:

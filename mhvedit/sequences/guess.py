@@ -6,6 +6,7 @@ from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.sequences.axes import METRES
 
 TALL = 1.7  # m, what a captured person's longest side is likely to be near
+PEOPLE = 0.5, 2.5  # m, how long people are at least and at most
 ON_FLOOR = 0.12  # m, how far from 0 the lowest point of someone on the floor may be: soles and hands sink in
 
 
@@ -47,3 +48,27 @@ def _stands_along(low: FloatArray, high: FloatArray, axis: int, up: int) -> Bool
     feet_at_zero = (length > 1.2) & (length > 1.5 * height) & (off_axis < ON_FLOOR) & (off > 0.08 + off_axis)
     adrift = (length > 1.4) & (height < 0.6) & (off > ON_FLOOR)
     return np.asarray(feet_at_zero | adrift)
+
+
+def said_of_units(height: float, size: float, *, likely: str, how: str) -> str:
+    """The doubt about units, as a question.
+
+    Args:
+        height: m, extent along what is taken as up.
+        size: m, longest extent.
+        likely: what the size speaks for.
+        how: to say so, in a scene file or on the command line.
+    """
+    tall = f"{height:.3g} m tall" if height > 0.8 * size else f"{size:.3g} m long"
+    return f"{tall}: are its units {likely}? ({how})"
+
+
+def said_of_up(height: float, *, likely: str, how: str) -> str:
+    """The doubt about the up axis, as a question.
+
+    Args:
+        height: m, extent along what is taken as up.
+        likely: the axis that the posture speaks for.
+        how: to say so, in a scene file or on the command line.
+    """
+    return f"lies on its side, {height:.2f} m high: is its up axis {likely}? ({how})"

@@ -8,7 +8,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.axes import METRES, to_metres_z_up
-from mhvedit.sequences.guess import guess_units, guess_up
+from mhvedit.sequences.guess import guess_units, guess_up, said_of_units, said_of_up
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.sequences.obj import ObjMaterials, obj_materials
 from mhvedit.sequences.quality import FrameQuality, measure_mesh
@@ -244,10 +244,9 @@ def capture_warnings(summary: CaptureSummary) -> tuple[str, ...]:
     low, _ = _limits(s.frames)
     wrong_units, wrong_up = s.likely_units != s.units, s.likely_up != s.up
     if wrong_units:
-        tall = f"{s.height:.3g} m tall" if s.height > 0.8 * s.size else f"{s.size:.3g} m long"
-        said.append(f'{tall}: are its units {s.likely_units}? (units = "{s.likely_units}")')
+        said.append(said_of_units(s.height, s.size, likely=s.likely_units, how=f'units = "{s.likely_units}"'))
     elif wrong_up:
-        said.append(f'lies on its side, {s.height:.2f} m high: is its up axis {s.likely_up}? (up = "{s.likely_up}")')
+        said.append(said_of_up(s.height, likely=s.likely_up, how=f'up = "{s.likely_up}"'))
     elif low[:, 2].min() > 0.1:
         said.append(f"stands {low[:, 2].min():.2g} m above the floor (z = 0) in every frame")
     elif low[:, 2].max() < -0.1:

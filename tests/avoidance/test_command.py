@@ -1,6 +1,8 @@
 """`mhvedit avoid` on cuts of real motions, judged by other code (tests/collision/independent.py)."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,10 @@ import pytest
 from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.pipeline.avoid import AvoidOptions, Method, method_of, run_avoid
+from mhvedit.pipeline.motions import open_motion
+from mhvedit.skeleton.bvh_motion import bvh_of, write_bvh_motion
+from tests.avoidance.figures import figure
+from tests.avoidance.scenes import walk
 from tests.collision import independent
 from tests.skeleton.shared_motions import shared_motion
 
@@ -69,6 +75,50 @@ def test_the_page_shows_the_body_before_and_after(tmp_path: Path) -> None:
     assert "walk_throw_heavy" in page
     assert "http" not in page.replace("http-equiv", "")
     assert page.count("data:image/webp") >= 1
+
+
+def stride(path: Path, *, units: str = "m", up: str = "z", n_frames: int = 8) -> Path:
+    """A person who walks on the spot, as a BVH."""
+    take = bvh_of(figure(), walk(n_frames), units=units, up=up)
+    write_bvh_motion(path, take, take.motion)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("written", "read", "said"),
+    [
+        (("m", "z"), ("m", "z"), None),
+        (("cm", "y"), ("cm", "y"), None),
+        (("cm", "z"), ("m", "z"), r"1\d\d m tall: are its units cm\? \(--units cm\)"),
+        (("m", "z"), ("cm", "z"), r"0\.01\d+ m tall: are its units m\? \(--units m\)"),
+        (("m", "y"), ("m", "z"), r"lies on its side, 0\.\d\d m high: is its up axis y\? \(--up y\)"),
+        (("m", "z"), ("m", "y"), r"lies on its side, 0\.\d\d m high: is its up axis z\? \(--up z\)"),
+    ],
+)
+def test_units_and_axes_of_a_bvh_that_make_no_person_are_doubted(
+    written: tuple[str, str], read: tuple[str, str], said: str | None, tmp_path: Path
+) -> None:
+    path = stride(tmp_path / "walk.bvh", units=written[0], up=written[1])
+    doubts = open_motion(path, units=read[0], up=read[1]).doubts
+    assert len(doubts) == (said is not None)
+    if said is not None:
+        assert re.fullmatch(re.escape(f"{path}: ") + said, doubts[0])
+
+
+def test_a_person_of_no_known_unit_is_doubted(tmp_path: Path) -> None:
+    """Some export three units a metre."""
+    take = bvh_of(replace(figure(), offsets=figure().offsets * 3), walk(4))
+    write_bvh_motion(tmp_path / "tall.bvh", take, take.motion)
+    (doubt,) = open_motion(tmp_path / "tall.bvh").doubts
+    assert "people are 0.5 to 2.5 m" in doubt
+
+
+def test_a_doubt_is_told_at_once_and_is_in_the_report(tmp_path: Path) -> None:
+    path, told = stride(tmp_path / "walk.bvh", n_frames=2), list[str]()
+    options = AvoidOptions(units="cm", report=False)
+    report = run_avoid(path, tmp_path / "out", options=options, warn=told.append).report
+    assert len(told) == 1 and "are its units m?" in told[0]
+    assert told[0] in json.loads((tmp_path / "out" / "report.json").read_text())["notes"] == report["notes"]
 
 
 def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
