@@ -27,8 +27,8 @@ def view(
     workers: Workers = 2,
 ) -> None:
     """Look at a scene, choose other solutions, and save the choice; or look at a motion before and after `avoid`."""
+    from mhvedit.pipeline.folders import is_motion_folder
     from mhvedit.view.studio import check_can_draw
-    from mhvedit.viewer.motion import is_motion_folder
     from mhvedit.viewer.session import open_session
 
     check_can_draw()

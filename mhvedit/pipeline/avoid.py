@@ -25,6 +25,7 @@ from mhvedit.collision.detect import CollisionBody, measure_depths
 from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.files import replacing
 from mhvedit.pipeline.avoid_report import Findings, as_report, posture_story, reasons, said_steps
+from mhvedit.pipeline.folders import PAGE, REPORT, Owner, check_owner
 from mhvedit.pipeline.motions import open_motion
 from mhvedit.pipeline.posture_file import POSTURES, postures_of, write_postures
 from mhvedit.pipeline.progress import Progress, silent
@@ -91,8 +92,9 @@ def run_avoid(
         warn: told what speaks against units and up axis, before anything else is done; the report has it too.
 
     Raises:
-        CaptureError: the motion or a mesh cannot be used.
+        CaptureError: the motion or a mesh cannot be used, or `mhvedit solve` wrote the folder.
     """
+    check_owner(out, Owner.AVOID)
     opened = open_motion(path, body=options.body, units=options.units, up=options.up)
     warn = warn or (lambda text: None)
     for doubt in opened.doubts:
@@ -122,10 +124,10 @@ def run_avoid(
     out.mkdir(parents=True, exist_ok=True)
     opened.write(out / f"motion{opened.suffix}", avoided.motion)
     write_postures(out / POSTURES, postures_of(found))
-    with replacing(out / "report.json") as beside:
+    with replacing(out / REPORT) as beside:
         beside.write_text(json.dumps(report, indent=1), encoding="utf-8")
     if options.report:
-        write_posture_report(out / "report.html", posture_story(found))
+        write_posture_report(out / PAGE, posture_story(found))
     return AvoidOutcome(found, report)
 
 

@@ -16,6 +16,8 @@ import numpy as np
 from mhvedit.errors import CaptureError, MhveditError, OutputBusy
 from mhvedit.files import Column, replacing, write_arrays
 from mhvedit.geometry.planar import invert
+from mhvedit.pipeline import folders
+from mhvedit.pipeline.folders import Owner, check_owner
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.props_pass import entered
 from mhvedit.pipeline.segments import SolvedSegment
@@ -25,7 +27,7 @@ from mhvedit.scene.report import SceneReport, report_as_dict
 from mhvedit.search.listing import listed, reasons_listed, rounded
 
 EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
-    "edit.json", "solutions", "report.json", "report.html", ".cache", "scene.json",
+    folders.EDIT, "solutions", folders.REPORT, folders.PAGE, ".cache", folders.SOURCE,
 )  # fmt: skip
 UNCHECKED = "the edit has not been checked on the meshes yet: `mhvedit check` does it"
 STAGED = ".new"  # files of an answer while it is being written
@@ -57,9 +59,11 @@ def claimed(folder: Path) -> Iterator[None]:
         folder: made if it is not there.
 
     Raises:
+        CaptureError: `mhvedit avoid` wrote it.
         OutputBusy: another run holds it.
         OutputUnusable: it is no folder, or a read-only one.
     """
+    check_owner(folder, Owner.SOLVE)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / ".lock").open("a+")

@@ -1,22 +1,19 @@
 """A motion that `mhvedit avoid` freed of self-collision, before and after: what is shown of it, without drawing."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import IntArray
-from mhvedit.pipeline.output import REPORT
+from mhvedit.pipeline.folders import AVOIDED, REPORT, report_in
 from mhvedit.pipeline.posture_file import POSTURES, Postures, Take, read_postures
 from mhvedit.viewer import state as playing
-
-WRITTEN: Final = ("motion", "method", "converged", "why", "pairs")  # keys by which a report of `avoid` is told
 
 
 class Side(StrEnum):
@@ -73,19 +70,14 @@ class MotionState:
 Change = Callable[[MotionState], MotionState]
 
 
-def is_motion_folder(path: Path) -> bool:
-    """Whether `mhvedit avoid` wrote a folder."""
-    return set(WRITTEN) <= set(_report(path))
-
-
 def open_motion_folder(out: Path) -> MotionMaterial:
     """What is in a folder of `mhvedit avoid`.
 
     Raises:
         CaptureError: it is none, its postures are not there, or they are not those that its report is on.
     """
-    report = _report(out)
-    if not set(WRITTEN) <= set(report):
+    report = report_in(out)
+    if not set(report) >= AVOIDED:
         raise CaptureError(out, "an output folder of `mhvedit avoid`", f"no {REPORT} of it")
     postures = read_postures(out / POSTURES)
     if report.get("frames") != postures.n_frames:
@@ -161,11 +153,3 @@ def _deepest(state: MotionState, take: Take) -> str:
         return "nothing deeper than at rest"
     limbs = " and ".join(str(postures.limb_names[limb]) for limb in np.flatnonzero(depth == top))
     return f"{limbs}, {top:.1f} mm deeper than at rest"
-
-
-def _report(out: Path) -> dict[str, Any]:
-    """What `report.json` says; nothing where it cannot be read."""
-    try:
-        return dict(json.loads((out / REPORT).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        return {}

@@ -13,6 +13,7 @@ from PIL import Image
 from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.pipeline.avoid import AvoidOptions, AvoidOutcome, run_avoid
+from mhvedit.pipeline.folders import is_motion_folder
 from mhvedit.pipeline.posture_file import POSTURES, Take, posed, read_postures, write_postures
 from mhvedit.skeleton.bvh_motion import bvh_of, write_bvh_motion
 from mhvedit.skeleton.model import Motion
@@ -22,7 +23,6 @@ from mhvedit.viewer.motion import (
     CHANGES,
     MotionState,
     Side,
-    is_motion_folder,
     next_collision,
     open_motion_folder,
     started,

@@ -1,0 +1,49 @@
+"""Whose output folder one is: that of `mhvedit solve`, that of `mhvedit avoid`, or nobody's."""
+
+import json
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+from mhvedit.errors import CaptureError
+
+EDIT, REPORT, PAGE, SOURCE = "edit.json", "report.json", "report.html", "scene.json"
+AVOIDED: Final = frozenset({"motion", "method", "converged", "why", "pairs"})  # keys that only reports of `avoid` have
+
+
+class Owner(StrEnum):
+    """Commands that write an output folder."""
+
+    SOLVE = "`mhvedit solve`"
+    AVOID = "`mhvedit avoid`"
+
+
+def report_in(folder: Path) -> Mapping[str, Any]:
+    """The content of `report.json`; nothing where it is not there or none."""
+    try:
+        found = json.loads((folder / REPORT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def is_motion_folder(folder: Path) -> bool:
+    """Whether `mhvedit avoid` wrote a folder."""
+    return set(report_in(folder)) >= AVOIDED
+
+
+def check_owner(folder: Path, owner: Owner) -> None:
+    """Refuse an output folder of the other command, whose files would be written over.
+
+    Args:
+        folder: that is to be written to.
+        owner: who is to write.
+
+    Raises:
+        CaptureError: the other one wrote it.
+    """
+    solved = (folder / SOURCE).is_file()
+    other = Owner.SOLVE if solved else Owner.AVOID if is_motion_folder(folder) else owner
+    if other is not owner:
+        raise CaptureError(folder, f"an output folder of {owner}, or a new one", f"one of {other}")
