@@ -22,14 +22,19 @@ def check(
     json_: Json = False,
 ) -> None:
     """Check the edited scene on the meshes themselves, every frame of it."""
+    from mhvedit.pipeline.folders import NoAnswer
     from mhvedit.pipeline.run import check_output
     from mhvedit.scene.report import Thresholds, report_as_dict
 
     limits = Thresholds(penetration, skate, step, turn, jump, types, sight)
-    with progress_bar(quiet=json_) as progress:
-        report, problems = check_output(
-            out, thresholds=limits, between_frames=between, workers=workers, progress=progress
-        )
+    try:
+        with progress_bar(quiet=json_) as progress:
+            report, problems = check_output(
+                out, thresholds=limits, between_frames=between, workers=workers, progress=progress
+            )
+    except NoAnswer as fault:
+        print(json.dumps({"frames": 0, "problems": [str(fault)]}, indent=1) if json_ else fault)
+        raise typer.Exit(NO) from None
     if json_:
         print(json.dumps(report_as_dict(report) | {"problems": list(problems)}, indent=1))
     else:

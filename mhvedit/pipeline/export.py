@@ -16,6 +16,7 @@ from mhvedit.export.target import ExportError, Format, check_free, format_of
 from mhvedit.export.usd_edit import write_usd_edit
 from mhvedit.export.usd_flat import write_flat_usd
 from mhvedit.geometry.arrays import ByteArray
+from mhvedit.pipeline.folders import check_answered
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.output import EDIT
 from mhvedit.pipeline.people import meet_people
@@ -76,8 +77,10 @@ def export_output(
         ExportError: it cannot be made as it is asked for.
         CaptureError: there is no edit, or a frame of a capture cannot be read.
         MissingLibrary: an extra is not installed.
+        NoAnswer: nothing fitted, so there is no edit.
     """
     check_request(to, settings, force=force)
+    check_answered(out, to_be="exported")
     edit = read_edit(out / EDIT)
     job = job_of(out)
     scene = export_scene(edit, job, out)

@@ -6,7 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
 
-from mhvedit.errors import CaptureError
+from mhvedit.errors import CaptureError, MhveditError
 
 EDIT, REPORT, PAGE, SOURCE = "edit.json", "report.json", "report.html", "scene.json"
 AVOIDED: Final = frozenset({"motion", "method", "converged", "why", "pairs"})  # keys that only reports of `avoid` have
@@ -17,6 +17,14 @@ class Owner(StrEnum):
 
     SOLVE = "`mhvedit solve`"
     AVOID = "`mhvedit avoid`"
+
+
+class NoAnswer(MhveditError, ValueError):
+    """`mhvedit solve` found none for the scene of an output folder."""
+
+    def __init__(self, folder: Path, failure: str, told_in: str) -> None:
+        super().__init__(f"{folder}: no answer: {failure}; see {told_in}")
+        self.folder, self.failure = folder, failure
 
 
 def report_in(folder: Path) -> Mapping[str, Any]:
@@ -31,6 +39,29 @@ def report_in(folder: Path) -> Mapping[str, Any]:
 def is_motion_folder(folder: Path) -> bool:
     """Whether `mhvedit avoid` wrote a folder."""
     return set(report_in(folder)) >= AVOIDED
+
+
+def check_answered(folder: Path, *, to_be: str) -> None:
+    """Refuse a folder that has no edit and says why; one that does not say is left to who reads the edit.
+
+    Args:
+        folder: of the output.
+        to_be: what is to become of the scene, for the message: `checked`.
+
+    Raises:
+        NoAnswer: nothing fitted.
+        CaptureError: `mhvedit avoid` wrote it.
+    """
+    if (folder / EDIT).is_file():
+        return
+    if is_motion_folder(folder):
+        raise CaptureError(
+            folder, f"an output folder of {Owner.SOLVE}", f"one of {Owner.AVOID}; only scenes are {to_be}"
+        )
+    report = report_in(folder)
+    if report.get("solved") is False:
+        told_in = PAGE if (folder / PAGE).is_file() else REPORT
+        raise NoAnswer(folder, str(report.get("failure") or "nothing fits"), told_in)
 
 
 def check_owner(folder: Path, owner: Owner) -> None:

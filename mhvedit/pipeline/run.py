@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError
+from mhvedit.pipeline.folders import check_answered
 from mhvedit.pipeline.job import Job, Result, load, solve
 from mhvedit.pipeline.kept import cache_limit, trim
 from mhvedit.pipeline.measure import measure_scene
@@ -261,7 +262,9 @@ def check_output(
 
     Raises:
         CaptureError: the folder holds no edit, or none of its scene file as that is now.
+        NoAnswer: nothing fitted, so there is no edit.
     """
+    check_answered(out, to_be="checked")
     tell = progress or silent
     edit = read_edit(out / EDIT)
     job = job_of(out, workers=workers)

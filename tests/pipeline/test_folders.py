@@ -66,3 +66,37 @@ def test_the_same_command_writes_again_and_beside_what_is_nobodys(
     for _ in range(2):
         assert mhvedit("avoid", walking, "-o", tmp_path, "--no-report").code in (0, 1)
     assert walking.exists() and (tmp_path / "motion.bvh").exists()
+
+
+@pytest.fixture
+def unanswered(tmp_path: Path) -> Path:
+    """An output folder of `mhvedit solve` in which nothing fitted, as far as it is looked at."""
+    out = tmp_path / "unanswered"
+    out.mkdir()
+    (out / "report.json").write_text(json.dumps({"solved": False, "failure": '"raise" has no solution'}))
+    (out / "report.html").write_text("a page")
+    return out
+
+
+def test_a_scene_without_an_answer_is_not_checked_and_the_answer_is_no(mhvedit: Command, unanswered: Path) -> None:
+    said = f'{unanswered}: no answer: "raise" has no solution; see report.html'
+    ran = mhvedit("check", unanswered)
+    assert (ran.code, ran.out, ran.err) == (1, f"{said}\n", "")
+    ran = mhvedit("check", unanswered, "--json")
+    assert (ran.code, json.loads(ran.out)["problems"]) == (1, [said])
+
+
+def test_a_scene_without_an_answer_is_not_exported(mhvedit: Command, unanswered: Path, tmp_path: Path) -> None:
+    (unanswered / "report.html").unlink()
+    ran = mhvedit("export", unanswered, "--to", tmp_path / "a.glb")
+    said = f'{unanswered}: no answer: "raise" has no solution; see report.json'
+    assert (ran.code, ran.sentence) == (2, said) and not (tmp_path / "a.glb").exists()
+
+
+@pytest.mark.parametrize(("words", "to_be"), [(("check",), "checked"), (("export", "--to", "a.glb"), "exported")])
+def test_a_motion_is_neither_checked_nor_exported(
+    mhvedit: Command, avoided: Path, words: tuple[str, ...], to_be: str
+) -> None:
+    ran = mhvedit(*words, avoided)
+    found = f"one of `mhvedit avoid`; only scenes are {to_be}"
+    assert (ran.code, ran.sentence) == (2, f"{avoided}: expected an output folder of `mhvedit solve`, found {found}")
