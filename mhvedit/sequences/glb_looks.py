@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.sequences.glb import DRACO, Json, placed_meshes, read_accessor, read_chunks, read_primitive
-from mhvedit.sequences.looks import WHITE, Float32Array, Looks, Material, Picture
+from mhvedit.sequences.looks import WHITE, Float32Array, Looks, Material, Picture, picture_name
 
 
 def glb_looks(data: bytes, path: Path) -> Looks | None:
@@ -86,10 +86,12 @@ def _picture(image: Json, head: Json, binary: bytes, path: Path, missing: list[P
     if "bufferView" in image:
         view: dict[str, Any] = head["bufferViews"][image["bufferView"]]
         start = view.get("byteOffset", 0)
-        return Picture(name, binary[start : start + view["byteLength"]])
+        content = binary[start : start + view["byteLength"]]
+        return Picture(picture_name(name, content, mime=image.get("mimeType", "")), content)
     uri: str = image.get("uri", "")
     if uri.startswith("data:"):
-        return Picture(name, base64.b64decode(uri.partition(",")[2]))
+        content = base64.b64decode(uri.partition(",")[2])
+        return Picture(picture_name(name, content, mime=uri[5:].partition(";")[0]), content)
     file = path.parent / uri
     if not file.is_file():
         missing.append(file)

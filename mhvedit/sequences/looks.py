@@ -19,6 +19,7 @@ from mhvedit.geometry.arrays import Int32Array
 Float32Array = NDArray[np.float32]
 WHITE: Final = (1.0, 1.0, 1.0, 1.0)
 WEB_SUFFIXES: Final = {b"\x89PNG": ".png", b"\xff\xd8\xff": ".jpg"}
+MIME_SUFFIXES: Final = {"image/png": ".png", "image/jpeg": ".jpg", "image/webp": ".webp", "image/ktx2": ".ktx2"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +99,21 @@ def web_picture(picture: Picture) -> Picture:
     except Exception as error:  # whatever a damaged picture makes of the decoder
         raise CaptureError(picture.name, "a picture", f"{type(error).__name__}: {error}") from error
     return Picture(Path(picture.name).stem + ".png", made.getvalue())
+
+
+def picture_name(name: str, data: bytes, *, mime: str = "") -> str:
+    """The name with the ending that the content, or else its stated type, asks for; as it is where neither says.
+
+    Args:
+        name: of a picture that was no file.
+        data: its content.
+        mime: its type, where it is stated.
+    """
+    suffix = next(
+        (ending for start, ending in WEB_SUFFIXES.items() if data.startswith(start)), MIME_SUFFIXES.get(mime, "")
+    )
+    there = Path(name).suffix.lower().replace(".jpeg", ".jpg")
+    return name if there == suffix else name + suffix
 
 
 def linear_from_srgb(values: NDArray[np.floating]) -> Float32Array:

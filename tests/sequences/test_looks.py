@@ -1,5 +1,6 @@
 """Texture coordinates, colours and materials of captures."""
 
+import base64
 import io
 import json
 import struct
@@ -115,11 +116,12 @@ def glb(head: dict[str, object], binary: bytes) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def test_looks_of_glb(tmp_path: Path) -> None:
+def textured_glb(image: dict[str, object] | None = None, picture: bytes | None = None) -> bytes:
+    """A triangle and its mirror image with a picture in buffer view 3; `image` says more about it, or of another."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     uv = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
     colours = np.array([[0, 128, 255, 255]] * 3, np.uint8)
-    blobs = [points.tobytes(), uv.tobytes(), colours.tobytes(), picture_bytes()]
+    blobs = [points.tobytes(), uv.tobytes(), colours.tobytes(), picture or picture_bytes()]
     starts = np.cumsum([0] + [len(b) for b in blobs]).tolist()
     head = {
         "asset": {"version": "2.0"},
@@ -134,7 +136,7 @@ def test_looks_of_glb(tmp_path: Path) -> None:
             {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 0.5, 1, 0.5]}},
         ],
         "textures": [{"source": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
+        "images": [image or {"bufferView": 3, "mimeType": "image/png"}],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
             {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
@@ -145,7 +147,11 @@ def test_looks_of_glb(tmp_path: Path) -> None:
         ],
         "buffers": [{"byteLength": starts[-1]}],
     }
-    found = looks(tmp_path, "m_1.glb", glb(head, b"".join(blobs)))
+    return glb(head, b"".join(blobs))
+
+
+def test_looks_of_glb(tmp_path: Path) -> None:
+    found = looks(tmp_path, "m_1.glb", textured_glb())
     assert found is not None and found.uv is not None and found.colours is not None
     assert found.uv[0].tolist() == [[0, 1], [1, 1], [0, 0]]
     assert found.uv[1].tolist() == [[0, 0], [1, 1], [0, 1]]  # mirrored, so that it is wound the other way
@@ -153,6 +159,27 @@ def test_looks_of_glb(tmp_path: Path) -> None:
     assert found.material.tolist() == [1, 1]
     assert found.materials[1].picture is not None and found.materials[1].picture.data == picture_bytes()
     assert found.materials[1].colour == (1, 0.5, 1, 1)  # opaque, whatever the factor says
+
+
+@pytest.mark.parametrize(
+    ("image", "picture", "name"),
+    [
+        ({"bufferView": 3, "mimeType": "image/png"}, picture_bytes(), "m_1_picture.png"),
+        ({"bufferView": 3, "mimeType": "image/jpeg", "name": "skin"}, picture_bytes("JPEG"), "skin.jpg"),
+        ({"bufferView": 3, "mimeType": "image/jpeg", "name": "skin.JPEG"}, picture_bytes("JPEG"), "skin.JPEG"),
+        ({"bufferView": 3, "mimeType": "image/png", "name": "skin.v2"}, picture_bytes(), "skin.v2.png"),
+        ({"bufferView": 3, "mimeType": "image/webp", "name": "skin"}, b"RIFF", "skin.webp"),
+        ({"bufferView": 3, "name": "skin"}, b"whatever", "skin"),
+        ({"uri": "data:image/webp;base64,UklGRg=="}, b"", "m_1_picture.webp"),
+        ({"uri": "data:;base64," + base64.b64encode(picture_bytes()).decode()}, b"", "m_1_picture.png"),
+    ],
+)
+def test_pictures_within_a_glb_have_names_that_end_in_their_format(
+    tmp_path: Path, image: dict[str, object], picture: bytes, name: str
+) -> None:
+    found = looks(tmp_path, "m_1.glb", textured_glb(image, picture))
+    assert found is not None and found.materials[1].picture is not None
+    assert found.materials[1].picture.name == name
 
 
 def test_looks_of_ply_and_draco(tmp_path: Path) -> None:
