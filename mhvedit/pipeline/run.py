@@ -43,7 +43,7 @@ from mhvedit.scene.edit import EditedScene, edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
 
 VERSION = 3  # of what is written; raise it when the reports change
-WARNINGS = 1  # of what is kept of them; raise it when they change
+WARNINGS = 2  # of what is kept of them; raise it when they change
 CLOCK = 2.0  # s, by which times of files may be behind
 MEASURED_FRAMES = 6  # of a capture, for warnings
 

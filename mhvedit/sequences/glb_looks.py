@@ -82,18 +82,39 @@ def _material(head: Json, binary: bytes, index: int, path: Path, missing: list[P
 
 def _picture(image: Json, head: Json, binary: bytes, path: Path, missing: list[Path]) -> Picture | None:
     """An image of a buffer view, a data URI or a file."""
-    name = image.get("name") or f"{path.stem}_picture"
-    if "bufferView" in image:
-        view: dict[str, Any] = head["bufferViews"][image["bufferView"]]
-        start = view.get("byteOffset", 0)
-        content = binary[start : start + view["byteLength"]]
-        return Picture(picture_name(name, content, mime=image.get("mimeType", "")), content)
-    uri: str = image.get("uri", "")
-    if uri.startswith("data:"):
-        content = base64.b64decode(uri.partition(",")[2])
-        return Picture(picture_name(name, content, mime=uri[5:].partition(";")[0]), content)
-    file = path.parent / uri
+    within = _picture_within(image, head, binary, path)
+    if within is not None:
+        return within
+    file = path.parent / image.get("uri", "")
     if not file.is_file():
         missing.append(file)
         return None
     return Picture(file.name, file.read_bytes())
+
+
+def _picture_within(image: Json, head: Json, binary: bytes, path: Path) -> Picture | None:
+    """An image of a buffer view or a data URI; None if it is a file."""
+    name, uri = image.get("name") or f"{path.stem}_picture", image.get("uri", "")
+    if "bufferView" in image:
+        view: dict[str, Any] = head["bufferViews"][image["bufferView"]]
+        start = view.get("byteOffset", 0)
+        content, mime = binary[start : start + view["byteLength"]], image.get("mimeType", "")
+    elif uri.startswith("data:"):
+        content, mime = base64.b64decode(uri.partition(",")[2]), uri[5:].partition(";")[0]
+    else:
+        return None
+    return Picture(picture_name(name, content, mime=mime), content)
+
+
+def glb_pictures(path: Path) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Names of the pictures within a .glb and files that it names and that exist; and what of these is not there."""
+    head, binary = read_chunks(path.read_bytes(), path)
+    pictures, missing = list[Path](), list[Path]()
+    for i, image in enumerate(head.get("images", [])):
+        try:
+            within = _picture_within(image, head, binary, path)
+            file = path.parent / image.get("uri", "") if within is None else Path(within.name)
+            (pictures if within is not None or file.is_file() else missing).append(file)
+        except (LookupError, TypeError, ValueError, AttributeError):
+            missing.append(path.with_name(f"{path.name}: image {i}"))
+    return tuple(pictures), tuple(missing)

@@ -1,21 +1,30 @@
 """What a capture is: frames, rate, size, axes, and how sound its meshes are; with sentences about what looks wrong."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.sequences.axes import METRES, to_metres_z_up
+from mhvedit.sequences.glb_looks import glb_pictures
 from mhvedit.sequences.guess import guess_units, guess_up, said_of_units, said_of_up
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.sequences.obj import ObjMaterials, obj_materials
 from mhvedit.sequences.quality import FrameQuality, measure_mesh
 from mhvedit.sequences.raw import RawMesh
-from mhvedit.sequences.read import ASSUMED_FPS, load_raw, open_source
+from mhvedit.sequences.read import ASSUMED_FPS, USD_SUFFIXES, load_raw, open_source
 from mhvedit.sequences.sources import FrameSource
 from mhvedit.sequences.usd import UsdSource
+
+LOOKS: Final[Mapping[str, Callable[[Path], ObjMaterials]]] = {
+    ".obj": obj_materials,
+    ".glb": lambda path: ObjMaterials((), *glb_pictures(path)),
+}
+UNSEEN: Final = (*USD_SUFFIXES, ".ply")  # formats that can have pictures which are not looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +49,7 @@ class CaptureSummary:
     connectivity_changes: bool  # between any two measured frames
     labels: tuple[int, ...]  # values of the vertex property `part`
     textures: tuple[Path, ...]  # material libraries and pictures
+    textures_seen: bool  # False where the format can have some, and nobody looks
     missing_textures: tuple[Path, ...]  # named by the capture, but not there
 
     @property
@@ -124,6 +134,7 @@ def inspect_capture(
         ),
         connectivity_changes=any(not np.array_equal(raw.faces, raws[0].faces) for raw in raws[1:]),
         labels=_labels(raws),
+        textures_seen=source.files[0].suffix.lower() not in UNSEEN,
         textures=looks.libraries + looks.pictures,
         missing_textures=looks.missing,
     )
@@ -158,11 +169,12 @@ def _declared(source: FrameSource) -> str:
 
 
 def _materials(source: FrameSource, picked: list[int]) -> ObjMaterials:
-    """Materials of the measured frames of an OBJ capture."""
-    if source.files[0].suffix.lower() != ".obj":
+    """Materials of the measured frames of an OBJ or GLB capture."""
+    look = LOOKS.get(source.files[0].suffix.lower())
+    if look is None:
         return ObjMaterials((), (), ())
     wanted = set(picked)
-    found = [obj_materials(f) for number, f in zip(source.numbers, source.files, strict=True) if number in wanted]
+    found = [look(f) for number, f in zip(source.numbers, source.files, strict=True) if number in wanted]
     merged = ([m.libraries for m in found], [m.pictures for m in found], [m.missing for m in found])
     return ObjMaterials(*(tuple(dict.fromkeys(file for files in group for file in files)) for group in merged))
 
@@ -201,7 +213,7 @@ def as_text(summary: CaptureSummary) -> str:
         ("duplicates", f"{_span(s, 'duplicate_vertices')} vertices; in no face: {_span(s, 'loose_vertices')}"),
         ("pieces", _span(s, "pieces") + _bit_text(s)),
         ("labels", " ".join(map(str, s.labels)) or "none"),
-        ("textures", ", ".join(file.name for file in s.textures) or "none"),
+        ("textures", ", ".join(file.name for file in s.textures) or ("none" if s.textures_seen else "not looked at")),
     ]
     body = "\n".join(f"  {key:<14}{value}" for key, value in rows)
     warnings = "".join(f"\n  ! {sentence}" for sentence in capture_warnings(s))

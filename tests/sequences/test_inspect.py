@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from mhvedit.sequences.inspect import as_dict, as_text, capture_warnings, inspect_capture
+from tests.sequences.test_looks import picture_bytes, textured_glb
 
 PERSON = trimesh.creation.capsule(height=1.3, radius=0.2, count=(12, 8)).apply_translation((0.4, 0.3, 0.85))
 
@@ -118,3 +119,24 @@ def test_text_and_json(tmp_path: Path) -> None:
         held["numbers"] == [1, 3] and held["frames"][0]["watertight"] and held["height"] == pytest.approx(1.7, abs=1e-6)
     )
     assert held["warnings"] == list(capture_warnings(s))
+
+
+def test_textures_of_glb(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "skin.png").write_bytes(picture_bytes())
+    (tmp_path / "a" / "m_1.glb").write_bytes(textured_glb({"bufferView": 3, "mimeType": "image/png", "name": "held"}))
+    (tmp_path / "a" / "m_2.glb").write_bytes(textured_glb({"uri": "skin.png"}))
+    (tmp_path / "a" / "m_3.glb").write_bytes(textured_glb({"uri": "gone.png"}))
+    s = inspect_capture(tmp_path / "a", fps=30)
+    assert [f.name for f in s.textures] == ["held.png", "skin.png"] and s.textures_seen
+    assert s.missing_textures == (tmp_path / "a" / "gone.png",)
+    assert "textures      held.png, skin.png" in as_text(s)
+    (tmp_path / "a" / "m_1.glb").write_bytes(textured_glb({"bufferView": 30}))
+    assert capture_warnings(inspect_capture(tmp_path / "a", fps=30))[-1].endswith("m_1.glb: image 0")
+
+
+@pytest.mark.parametrize(("suffix", "said"), [("ply", "not looked at"), ("stl", "none")])
+def test_textures_of_other_formats(tmp_path: Path, suffix: str, said: str) -> None:
+    PERSON.export(tmp_path / f"anna_1.{suffix}")
+    s = inspect_capture(tmp_path)
+    assert s.textures == () and f"textures      {said}" in as_text(s)
