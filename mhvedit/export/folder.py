@@ -15,6 +15,7 @@ from mhvedit.sequences.axes import from_metres_z_up
 from mhvedit.sequences.looks import Float32Array, Looks, Material, srgb_from_linear
 
 DIGITS: Final = 4  # at least, of frame numbers in file names
+LOST: Final = "a .ply keeps no texture coordinates and pictures: use --format obj"
 
 
 class MeshFormat(StrEnum):
@@ -44,8 +45,8 @@ def write_folder(scene: ExportScene, path: Path, *, files: MeshFormat, up: str, 
         made = beside / "made"
         for done, piece in enumerate(scene.pieces):
             looks = LooksOf(piece)
-            _write_piece(scene, piece, looks, made / piece.name, files, up=up, tell=tell)
-            warnings += looks.warnings
+            lost = _write_piece(scene, piece, looks, made / piece.name, files, up=up, tell=tell)
+            warnings += [*looks.warnings, *([f"{piece.name}: {LOST}"] if lost else [])]
             tell("meshes", (done + 1) / len(scene.pieces))
         facts = {"name": scene.edit.name, "fps": scene.edit.fps, "frames": scene.edit.n_frames, "units": "m", "up": up}
         mark_folder(made, facts)
@@ -55,10 +56,10 @@ def write_folder(scene: ExportScene, path: Path, *, files: MeshFormat, up: str, 
 
 def _write_piece(
     scene: ExportScene, piece: Piece, looks: LooksOf, folder: Path, files: MeshFormat, *, up: str, tell: Tell
-) -> None:
-    """All frames of one piece."""
+) -> bool:
+    """All frames of one piece; whether any has a texture that the format cannot keep."""
     folder.mkdir(parents=True)
-    library = MaterialLibrary(folder, f"{piece.name}.mtl")
+    library, lost = MaterialLibrary(folder, f"{piece.name}.mtl"), False
     digits = max(DIGITS, len(str(scene.edit.n_frames - 1)))
     for k, number in enumerate(scene.source(piece).tolist()):
         mesh = piece.sequence.mesh(number)
@@ -69,8 +70,14 @@ def _write_piece(
             file.write_bytes(obj_bytes(world, mesh.faces, seen, library))
         else:
             file.write_bytes(ply_bytes(world, mesh.faces, mesh.labels, seen))
+            lost = lost or (seen is not None and _is_textured(seen))
         tell(f"meshes of {piece.name}", (k + 1) / scene.edit.n_frames)
     library.close()
+    return lost
+
+
+def _is_textured(looks: Looks) -> bool:
+    return looks.uv is not None or any(material.picture is not None or material.maps for material in looks.materials)
 
 
 class MaterialLibrary:

@@ -76,6 +76,12 @@ def test_vertex_colours_and_labels(captures: Path, tmp_path: Path) -> None:
     assert_allclose(one.colours, two.colours, atol=1e-6)
 
 
+def test_textures_that_a_ply_does_not_keep_are_told(captures: Path, tmp_path: Path) -> None:
+    scene = scene_of({"x": opened(captures, "obj"), "y": opened(captures, "ply")}, {"x": SOURCE, "y": SOURCE})
+    said = ("x: a .ply keeps no texture coordinates and pictures: use --format obj",)
+    assert write(scene, tmp_path / "out", "ply").warnings == said
+
+
 def test_missing_pictures_are_told(captures: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(captures / "obj", tmp_path / "obj"))
     (folder / "tex_4.png").unlink()
