@@ -51,6 +51,14 @@ class MissingLibrary(MhveditError, ImportError):
         self.install = install
 
 
+class NoScreen(MhveditError, RuntimeError):
+    """There is no screen to open a window on."""
+
+    def __init__(self, wanted_for: str, instead: str) -> None:
+        super().__init__(f"{wanted_for}: expected a screen, found none: {instead}")
+        self.instead = instead
+
+
 class OutputBusy(MhveditError, RuntimeError):
     """Another run is writing to the same output folder."""
 

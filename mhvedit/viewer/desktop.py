@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkImageMapper, vtkRenderer
 
-from mhvedit.errors import MissingLibrary
+from mhvedit.errors import NoScreen
 from mhvedit.geometry.arrays import ByteArray
 from mhvedit.view.captions import FONT
 from mhvedit.view.studio import has_screen
@@ -28,7 +28,7 @@ from mhvedit.viewer.words import status
 SIZE = (1500, 860)
 TICK = 0.005  # s, between looks at what is to be done
 FIRST = 1.0  # priority of our own mouse and keys over those of VTK's style
-INSTALL = "a window needs a screen: set DISPLAY, or use `--shot FILE.png` or, for a scene, `--web` (a browser)"
+INSTEAD = "set DISPLAY, or use `--shot FILE.png` or, for a scene, `--web` (a browser)"
 
 
 class Window(Protocol):
@@ -222,7 +222,7 @@ def open_window(session: Session, *, size: tuple[int, int] = SIZE) -> None:
     """Show a session in a window until it is closed.
 
     Raises:
-        MissingLibrary: there is no screen.
+        NoScreen: there is no screen.
     """
     try:
         run_window(lambda plotter: DesktopViewer(session, plotter), size)
@@ -238,10 +238,10 @@ def run_window(make: Callable[[pyvista.Plotter], Window], size: tuple[int, int])
         size: width and height, pixels.
 
     Raises:
-        MissingLibrary: there is no screen.
+        NoScreen: there is no screen.
     """
     if not has_screen():
-        raise MissingLibrary("the viewer's window", INSTALL)
+        raise NoScreen("the viewer's window", INSTEAD)
     plotter = pyvista.Plotter(off_screen=False, window_size=size, lighting="none", title="mhvedit")
     try:
         window = make(plotter)

@@ -114,6 +114,6 @@ def open_motion_window(state: MotionState, *, size: tuple[int, int] = SIZE) -> N
     """Show a motion in a window until it is closed.
 
     Raises:
-        MissingLibrary: there is no screen.
+        NoScreen: there is no screen.
     """
     run_window(lambda plotter: MotionWindow(state, plotter), size)

@@ -170,6 +170,7 @@ def test_without_a_screen_a_window_is_refused(
     monkeypatch.delenv("DISPLAY", raising=False)
     ran = mhvedit("view", folder / "out")
     assert ran.code == 2 and "--web" in ran.sentence and "--shot" in ran.sentence
+    assert ran.sentence.startswith("the viewer's window: expected a screen, found none: set DISPLAY")
 
 
 def test_where_nothing_can_be_drawn_one_sentence_says_what_to_install(
