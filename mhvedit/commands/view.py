@@ -33,9 +33,9 @@ def view(
 
     check_can_draw()
     if shot is not None:
-        from mhvedit.viewer.shot import check_ending
+        from mhvedit.viewer.shot import check_shot
 
-        check_ending(shot)
+        check_shot(shot)
     if is_motion_folder(path):
         _view_motion(path, web=web, shot=shot, segment=segment, frame=frame)
         return

@@ -73,21 +73,30 @@ def with_words(picture: ByteArray, lines: Sequence[str]) -> ByteArray:
     return np.asarray(image, np.uint8)
 
 
-def check_ending(path: Path) -> None:
+def check_shot(path: Path) -> None:
     """Refuse a file that pictures cannot be written to.
 
     Raises:
-        CaptureError: with the endings that are known.
+        CaptureError: with the endings that are known; or there is no folder around it.
     """
     if path.suffix.lower() not in ENDINGS:
         raise CaptureError(path, f"a picture's name ending in {', '.join(ENDINGS)}", f"{path.suffix or 'none'}")
+    folder = path.parent
+    if not folder.is_dir():
+        raise CaptureError(path, f"a folder {folder} to write into", "a file" if folder.exists() else "nothing there")
 
 
 def save_shot(picture: ByteArray, path: Path) -> None:
-    """Write a picture beside, then rename; the name's ending says how."""
+    """Write a picture beside, then rename; the name's ending says how.
+
+    Raises:
+        CaptureError: it cannot be written there.
+    """
     beside = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         Image.fromarray(picture).save(beside)
         beside.replace(path)
+    except OSError as fault:
+        raise CaptureError(path, "a file that can be written", fault.strerror or str(fault)) from fault
     finally:
         beside.unlink(missing_ok=True)

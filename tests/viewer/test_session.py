@@ -152,6 +152,8 @@ def test_a_picture_from_the_command_line(mhvedit: Callable[..., Ran], folder: Pa
         (("nothing", "--shot", "a.png"), "nothing: expected a scene file or an output folder of `mhvedit solve`"),
         (("out", "--shot", "a.txt"), "a.txt: expected a picture's name ending in .png, .webp, .jpg, .jpeg, found .txt"),
         (("out", "--shot", "a.png", "--segment", "x"), "--segment: expected one of raise, lower, found x"),
+        (("out", "--shot", "none/a.png"), "none/a.png: expected a folder none to write into, found nothing there"),
+        (("out", "--shot", "scene.toml/a.png"), "expected a folder scene.toml to write into, found a file"),
         (("out", "--web", "--host", "no.such.host.example"), "--host: expected an address of this machine"),
     ],
 )

@@ -1,8 +1,12 @@
-import numpy as np
+from pathlib import Path
 
+import numpy as np
+import pytest
+
+from mhvedit.errors import CaptureError
 from mhvedit.scene.edit import SegmentEdit
 from mhvedit.viewer.layout import layout_of
-from mhvedit.viewer.shot import shot, with_words
+from mhvedit.viewer.shot import save_shot, shot, with_words
 from mhvedit.viewer.state import ViewerState, at_frame, looked_at_row
 from mhvedit.viewer.timeline import frame_at, lanes_of, timeline_picture, x_of
 
@@ -40,6 +44,13 @@ def test_the_current_segment_stands_out(state: ViewerState) -> None:
     n, row = state.material.n_frames, 50
     colours = [tuple(picture[row, int(x_of(f + 0.1, 700, n)) + 4]) for f in (0, 8, 10)]
     assert len(set(colours)) == 3  # this segment, a transition, another segment
+
+
+def test_a_picture_that_cannot_be_written_is_named_as_it_was_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "a.png").mkdir()
+    with pytest.raises(CaptureError, match=r"/a\.png: expected a file that can be written, found Is a directory"):
+        save_shot(np.zeros((4, 4, 3), np.uint8), tmp_path / "a.png")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
 
 
 def test_words_stay_inside_the_picture() -> None:
