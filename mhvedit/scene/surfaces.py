@@ -12,6 +12,7 @@ points where an edge enters and leaves. Distances between what does not cross ar
 edges).
 """
 
+import os
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Final
@@ -80,12 +81,12 @@ def open_surface(mesh: Mesh, *, workers: int = 1) -> Surface:
 
     Args:
         mesh: in the world.
-        workers: threads, 0 for all.
+        workers: threads, 0 for all; no more are taken than there are processors for this process.
 
     Raises:
         MissingLibrary: open3d cannot be loaded.
     """
-    o3d = load_open3d()
+    o3d, workers = load_open3d(), min(workers, _processors())  # TBB, below open3d, writes a warning if asked for more
     named = np.zeros(len(mesh.vertices), np.bool_)
     named[mesh.faces.ravel()] = True
     in_use = np.flatnonzero(named)
@@ -99,6 +100,11 @@ def open_surface(mesh: Mesh, *, workers: int = 1) -> Surface:
     extra, corners = points_of_large_faces(mesh.vertices, mesh.faces, spacing=SPACING)
     points, owners = np.concatenate([used, extra]), np.concatenate([in_use, corners])
     return Surface(mesh.vertices, mesh.faces, points, owners, len(in_use), low, high, rays, workers)
+
+
+def _processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def load_open3d() -> ModuleType:

@@ -1,6 +1,8 @@
 """Depth and gap of solids that have closed forms, of meshes with holes and flipped faces, of blades that only cross."""
 
 import builtins
+import subprocess
+import sys
 from types import ModuleType
 from typing import Any
 
@@ -171,3 +173,17 @@ def test_without_open3d_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
 
 def _cloud(n: int) -> FloatArray:
     return np.random.default_rng(5).uniform(-0.45, 0.45, (n, 3))
+
+
+def test_more_threads_than_processors_are_not_asked_for() -> None:
+    """The library below open3d writes a warning of its own if they are, once in a process."""
+    asked = """
+import os
+import numpy as np
+from mhvedit.scene.surfaces import open_surface, signed_distances
+from mhvedit.sequences.meshes import Mesh
+surface = open_surface(Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), workers=os.cpu_count() + 2)
+signed_distances(surface, np.zeros((5, 3)))
+"""
+    ran = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
