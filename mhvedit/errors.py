@@ -7,6 +7,15 @@ class MhveditError(Exception):
     """Base of all errors that bad input can cause; the message is one sentence that a user can act on."""
 
 
+def counted(number: int, noun: str) -> str:
+    """So many of something.
+
+    >>> counted(1, "frame"), counted(2, "frame")
+    ('1 frame', '2 frames')
+    """
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 class ShapeError(MhveditError, ValueError):
     """An array has the wrong shape or type."""
 
@@ -28,7 +37,7 @@ class MissingFrame(MhveditError, KeyError):
 
     def __init__(self, subject: str, number: int, numbers: tuple[int, ...]) -> None:
         span = f"{numbers[0]} to {numbers[-1]}" if numbers else "no frames"
-        super().__init__(f"{subject}: expected frame {number}, found {span} ({len(numbers)} frames)")
+        super().__init__(f"{subject}: expected frame {number}, found {span} ({counted(len(numbers), 'frame')})")
         self.subject, self.number = subject, number
 
     def __str__(self) -> str:

@@ -111,7 +111,7 @@ def test_check_after_the_scene_file_changed(
     ran = mhvedit("check", folder / "out")
     assert ran.code == 2
     assert ran.sentence == (
-        f"{folder}/out/edit.json: expected the edit of {folder}/out/../scene.toml as it is now, "
+        f"{folder}/out/edit.json: expected the edit of {folder}/scene.toml as it is now, "
         "found an earlier one's: run `mhvedit solve` again"
     )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mhvedit.batch.tasks import BAD, DONE, NO, SceneDone
+from mhvedit.errors import counted
 from mhvedit.files import replacing
 from mhvedit.pipeline.output import PAGE, write_json
 
@@ -56,7 +57,7 @@ def in_words(scene: SceneDone) -> str:
     parts = [scene.name, scene.verdict]
     if scene.verdict == DONE:
         deepest = "" if scene.deepest_mm is None else f", deepest penetration {scene.deepest_mm:.1f} mm"
-        parts.append(f"{scene.frames} frames, cost {scene.cost:.3g} m²{deepest}")
+        parts.append(f"{counted(scene.frames, 'frame')}, cost {scene.cost:.3g} m²{deepest}")
     else:
         parts.append(scene.sentences[0])
     return "  ".join([*parts, *([f"{scene.seconds:.1f} s"] if scene.seconds else [])])

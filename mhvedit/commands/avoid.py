@@ -1,12 +1,14 @@
 """`mhvedit avoid`."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mhvedit.commands.shared import DONE, NO, Json, Out, Workers, progress_bar, say
+from mhvedit.errors import counted
 
 if TYPE_CHECKING:
     from mhvedit.pipeline.avoid import AvoidOutcome
@@ -51,16 +53,21 @@ def avoid(
     with progress_bar(quiet=json_) as progress:
         outcome = run_avoid(motion, out, options=options, progress=progress, warn=warn)
     if json_:
-        print(json.dumps(dict(outcome.report), indent=1))
+        print(_as_json(outcome.report))
     else:
         _print_outcome(outcome, out, warned)
     raise typer.Exit(DONE if outcome.found.avoided.converged else NO)
 
 
+def _as_json(report: Mapping[str, Any]) -> str:
+    """A line for each entry: some have a number for each frame."""
+    return "{\n" + ",\n".join(f" {json.dumps(key)}: {json.dumps(value)}" for key, value in report.items()) + "\n}"
+
+
 def _print_outcome(outcome: "AvoidOutcome", out: Path, warned: list[str]) -> None:
     m = outcome.found.metrics
     print(
-        f"{m.frames} frames, colliding {m.colliding_before} before and {m.colliding_after} after; "
+        f"{counted(m.frames, 'frame')}, colliding {m.colliding_before} before and {m.colliding_after} after; "
         f"{m.touched} touched, jerk x {m.jerk_ratio:.2f}, feet that stood still moved {m.slip_mm:.1f} mm"
     )
     for sentence in outcome.found.why:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from mhvedit.commands.shared import DONE, NO, Json, Solved, Workers, progress_bar
+from mhvedit.errors import counted
 
 
 def check(
@@ -38,7 +39,7 @@ def check(
     if json_:
         print(json.dumps(report_as_dict(report) | {"problems": list(problems)}, indent=1))
     else:
-        print(f"{report.n_frames} frames, deepest penetration {report.deepest * 1000:.1f} mm")
+        print(f"{counted(report.n_frames, 'frame')}, deepest penetration {report.deepest * 1000:.1f} mm")
         for sentence in problems:
             print(sentence)
         if not problems:

@@ -9,6 +9,7 @@ import typer
 
 from mhvedit.commands.shared import DONE, NO, Json, Out, Workers, progress_bar, say
 from mhvedit.commands.starting import start_lean
+from mhvedit.errors import counted
 
 if TYPE_CHECKING:
     from mhvedit.pipeline.run import Outcome
@@ -90,7 +91,7 @@ def _print_answer(outcome: "Outcome") -> None:
         print(f"no answer: {outcome.result.failure}")
     else:
         cost = f"cost {assembly.scene.cost:.3g} m² (gap {assembly.scene.gap:.2g} %)"
-        print(f"{assembly.scene.n_frames} frames, {cost}", flush=True)
+        print(f"{counted(assembly.scene.n_frames, 'frame')}, {cost}", flush=True)
         for stop in outcome.report.get("stops", ()):
             print(stop["sentence"], flush=True)
 

@@ -100,6 +100,9 @@ def run_avoid(
     for doubt in opened.doubts:
         warn(doubt)
     body = _with_equipment(opened.body, options.attached)
+    for name in options.frozen:
+        if name not in body.skeleton.names:
+            raise ShapeError("--freeze", repr(name), "one of " + ", ".join(body.skeleton.names))
     problem, ready = avoidance_problem(
         body, opened.motion, frozen=options.frozen, nearest=opened.nearest, workers=options.workers
     )

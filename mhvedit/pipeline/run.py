@@ -306,7 +306,7 @@ def job_of(out: Path, *, workers: int = 2) -> Job:
         CaptureError: the folder does not say.
     """
     try:
-        scene = out / json.loads((out / SOURCE).read_text())["scene"]
+        scene = (out / json.loads((out / SOURCE).read_text())["scene"]).resolve()  # as it is told, without detours
     except (OSError, ValueError, KeyError, TypeError) as fault:
         raise CaptureError(out / SOURCE, "the scene file that `mhvedit solve` noted", "nothing readable") from fault
     return load(scene, cache=out / CACHE, workers=workers)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mhvedit.errors import counted
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Result
@@ -124,7 +125,7 @@ def _side(segment: SolvedSegment, name: str, volumes: SubjectVolumes, facing: fl
 def _asked(spec: SegmentSpec) -> list[str]:
     tolerance = spec.tolerance
     words = [
-        f"contact may miss by {tolerance.frames} frames and {tolerance.voxels:g} voxels",
+        f"contact may miss by {counted(tolerance.frames, 'frame')} and {tolerance.voxels:g} voxels",
         f"parts may sink {tolerance.depth * 1000:.0f} mm, bodies may overlap {tolerance.apart * 1000:.0f} mm",
     ]
     if spec.visibility is not None:
@@ -178,8 +179,8 @@ def _dropped(result: Result) -> list[str]:
         return []
     line = result.assembly.line
     return [
-        f"At frame {own.frame} of the scene {own.count} frames of {own.subject} are left out: there is no time for "
-        "them."
+        f"At frame {own.frame} of the scene there is no time for "
+        f"{counted(own.count, 'frame')} of {own.subject}: left out."
         for own in line.left_out
     ] + [
         f"In frames {own.frame} to {own.frame + own.count - 1} of the scene {own.subject} stands still, "

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mhvedit.errors import counted
 from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.scene.contact import TOUCH, Verdict, spans, touch_string
 from mhvedit.scene.motion import AddedMotion
@@ -216,7 +217,8 @@ def _motion_failures(report: SceneReport, motion: AddedMotion, thresholds: Thres
         when = f"at frame {worst + 1}" if kind == "jump" else f"from frame {worst} to {worst + 1}"
         yield (
             f"{kind}: {motion.subject}: {words} {values[worst]:.2f} {unit} {when}, "
-            f"{values[worst] - limit:.2f} {unit} over the {limit:g} {unit} allowed, in {(values > limit).sum()} frames"
+            f"{values[worst] - limit:.2f} {unit} over the {limit:g} {unit} allowed, "
+            f"in {counted((values > limit).sum(), 'frame')}"
         )
 
 

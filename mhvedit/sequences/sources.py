@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mhvedit.errors import CaptureError
+from mhvedit.errors import CaptureError, counted
 from mhvedit.files import ONE_HEADER, UNREADABLE, found_instead, load_npz
 from mhvedit.geometry.arrays import IntArray
 from mhvedit.sequences.contents import Contents, hash_of_bytes
@@ -108,9 +108,25 @@ def numbered_files(folder: Path) -> dict[int, Path]:
             raise CaptureError(folder, "each frame number once", f"{found[number].name} and {file.name}")
         found[number] = file
     if not found:
-        what = f"{len(inside)} other files ({inside[0].name} ...)" if inside else "an empty folder"
-        raise CaptureError(folder, "numbered files like body_0001 ending in " + " ".join(PARSERS), what)
+        raise CaptureError(folder, "numbered files like body_0001 ending in " + " ".join(PARSERS), _instead(inside))
     return dict(sorted(found.items()))
+
+
+def _instead(inside: list[os.DirEntry[str]]) -> str:
+    """What there is in a folder without numbered meshes, and whether they are in a folder of it."""
+    folders = [entry for entry in inside if entry.is_dir()]
+    others = [entry for entry in inside if not entry.is_dir()]
+    kinds = (("folder", folders), ("other file", others))
+    said = " and ".join(f"{counted(len(all_), noun)} ({all_[0].name} ...)" for noun, all_ in kinds if all_)
+    below = next((entry.name for entry in folders if _has_meshes(Path(entry.path))), None)
+    return (said or "an empty folder") + ("" if below is None else f"; it is a level too high: {below} has such files")
+
+
+def _has_meshes(folder: Path) -> bool:
+    try:
+        return any(re.search(r"\d", file.stem) and file.suffix.lower() in PARSERS for file in folder.iterdir())
+    except OSError:
+        return False
 
 
 class NpzSource:

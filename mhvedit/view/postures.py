@@ -10,7 +10,7 @@ import numpy as np
 import pyvista
 from matplotlib.figure import Figure
 
-from mhvedit.errors import MissingLibrary
+from mhvedit.errors import MissingLibrary, counted
 from mhvedit.files import replacing
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array
 from mhvedit.sequences.meshes import Mesh
@@ -168,8 +168,8 @@ def _body(
 def _verdict(story: PostureStory) -> str:
     before = int((story.depth_before > story.limit_mm).sum())
     if story.converged:
-        return f"{before} frames collided; now none is more than {story.limit_mm:g} mm deeper than at rest."
-    return f"{before} frames collided; not all of it could be removed."
+        return f"{counted(before, 'frame')} collided; now none is more than {story.limit_mm:g} mm deeper than at rest."
+    return f"{counted(before, 'frame')} collided; not all of it could be removed."
 
 
 def _tiles(story: PostureStory) -> dict[str, tuple[str, str]]:
@@ -178,6 +178,6 @@ def _tiles(story: PostureStory) -> dict[str, tuple[str, str]]:
     return {
         "Colliding frames": (f"{before} → {after}", f"of {len(story.depth_before)}"),
         "Deepest": (f"{story.depth_before.max():.0f} → {story.depth_after.max():.0f} mm", "beyond rest"),
-        "Touched": (f"{int(story.touched.sum())} frames", f"at {story.fps:g} fps"),
+        "Touched": (counted(int(story.touched.sum()), "frame"), f"at {story.fps:g} fps"),
         "Jerk": (f"× {story.numbers['jerk_ratio']:.2f}", "against the captured"),
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from mhvedit.errors import MissingLibrary
+from mhvedit.errors import MissingLibrary, counted
 from mhvedit.files import replacing
 from mhvedit.search.solve import ReasonMap
 from mhvedit.view import markup
@@ -103,13 +103,16 @@ def _key_numbers(content: ReportContent) -> dict[str, tuple[str, str]]:
     numbers = {"Key segments placed": (f"{placed} of {len(content.stories)}", "")}
     scene, check = content.scene, content.check
     if scene is not None:
-        numbers["Length"] = (f"{scene.n_frames / scene.fps:.1f} s", f"{scene.n_frames} frames at {scene.fps:g} fps")
+        numbers["Length"] = (
+            f"{scene.n_frames / scene.fps:.1f} s",
+            f"{counted(scene.n_frames, 'frame')} at {scene.fps:g} fps",
+        )
         numbers["Cost"] = (f"{scene.cost:.4g} m²", f"at least {scene.lower_bound:.4g} m², gap {scene.gap:.1f} %")
     where = deepest(content)
     if where is not None:
         numbers["Deepest penetration"] = (f"{where[1]:.0f} mm", f"frame {where[0]}, {place_of(scene, where[0])}")
     if check is not None:
-        numbers["In contact"] = (f"{int(check.contact.sum())} frames", f"of {len(check.contact)}")
+        numbers["In contact"] = (counted(int(check.contact.sum()), "frame"), f"of {len(check.contact)}")
         if check.added_skate:
             worst = max(float(np.nanmax(values, initial=0.0)) for values in check.added_skate.values())
             numbers["Added foot skate"] = (f"{worst:.2f} m/s", "at most")
@@ -153,7 +156,7 @@ def _asked(story: SegmentStory) -> str:
     )
     frames = (
         f"{a.subject} frames {a.frames[0]} to {a.frames[1]}, {b.subject} frames {b.frames[0]} to {b.frames[1]}: "
-        f"{story.n_frames} frames in the scene"
+        f"{counted(story.n_frames, 'frame')} in the scene"
     )
     return markup.element("p", words, class_="asked") + markup.paragraph(
         "; ".join([frames, *story.asked]) + ".", "muted"

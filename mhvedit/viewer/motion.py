@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mhvedit.errors import CaptureError
+from mhvedit.errors import CaptureError, counted
 from mhvedit.geometry.arrays import IntArray
 from mhvedit.pipeline.folders import AVOIDED, REPORT, report_in
 from mhvedit.pipeline.posture_file import POSTURES, Postures, Take, read_postures
@@ -81,7 +81,7 @@ def open_motion_folder(out: Path) -> MotionMaterial:
         raise CaptureError(out, "an output folder of `mhvedit avoid`", f"no {REPORT} of it")
     postures = read_postures(out / POSTURES)
     if report.get("frames") != postures.n_frames:
-        found = f"{postures.n_frames} frames; run `mhvedit avoid` again"
+        found = f"{counted(postures.n_frames, 'frame')}; run `mhvedit avoid` again"
         raise CaptureError(out / POSTURES, f"the {report.get('frames')} frames of {REPORT}", found)
     return MotionMaterial(
         Path(str(report["motion"])).stem,

@@ -96,7 +96,7 @@ def _open_output(out: Path) -> Opened:
 def _source_of(out: Path) -> Path:
     """The scene file that an output folder was made from."""
     try:
-        return out / str(json.loads((out / SOURCE).read_text())["scene"])
+        return (out / str(json.loads((out / SOURCE).read_text())["scene"])).resolve()
     except (OSError, ValueError, KeyError, TypeError) as fault:
         raise CaptureError(
             out, "an output folder of `mhvedit solve` or `mhvedit avoid`", f"no readable {SOURCE}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mhvedit.errors import MhveditError, SceneError
+from mhvedit.errors import CaptureError, MhveditError
 from mhvedit.pipeline.job import Job, Result, choose, solve
 from mhvedit.pipeline.keys import segment_parts
 from mhvedit.pipeline.output import claimed, write_result
@@ -167,12 +167,11 @@ class Session:
         """Make a segment the current one.
 
         Raises:
-            SceneError: there is no such segment.
+            CaptureError: there is no such segment.
         """
         known = [span.name for span in self.state.material.spans]
         if name not in known:
-            where = "scene" if self.job is None else self.job.scene.file
-            raise SceneError(where, "--segment", f"one of {', '.join(known) or 'no segments'}", name)
+            raise CaptureError("--segment", f"one of {', '.join(known) or 'no segments'}", name)
         self.do(lambda now: in_segment(now, name))
 
     def go_to_moment(self) -> None:

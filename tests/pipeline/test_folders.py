@@ -100,3 +100,25 @@ def test_a_motion_is_neither_checked_nor_exported(
     ran = mhvedit(*words, avoided)
     found = f"one of `mhvedit avoid`; only scenes are {to_be}"
     assert (ran.code, ran.sentence) == (2, f"{avoided}: expected an output folder of `mhvedit solve`, found {found}")
+
+
+def test_what_avoid_prints_has_a_line_for_each_entry_and_one_frame_is_one(
+    mhvedit: Command, walking: Path, tmp_path: Path
+) -> None:
+    ran = mhvedit("avoid", walking, "-o", tmp_path / "out", "--no-report", "--json")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert json.loads(ran.out) == report and len(ran.out.splitlines()) == len(report) + 2
+    take = bvh_of(figure(), walk(1))
+    write_bvh_motion(walking, take, take.motion)
+    ran = mhvedit("avoid", walking, "-o", tmp_path / "out", "--no-report")
+    assert ran.out.startswith("1 frame, colliding ")
+
+
+def test_a_scene_file_is_told_without_detours(
+    mhvedit: Command, solved: tuple[Path, Outcome], folder: Path, tmp_path: Path
+) -> None:
+    out = Path(shutil.copytree(solved[0], tmp_path / "out"))
+    (out / "scene.json").write_text(json.dumps({"scene": "../job/scene.toml"}))
+    (folder / "scene.toml").write_text("version = 2\n")
+    for words in (("check", out), ("view", out, "--shot", tmp_path / "a.png")):
+        assert mhvedit(*words).sentence.startswith(f"{folder}/scene.toml: version: ")

@@ -105,6 +105,18 @@ def test_empty_folder(tmp_path: Path) -> None:
         FolderSource(folder(tmp_path, "a.mtl", "body.obj"))
 
 
+def test_a_folder_of_folders_says_so(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    with pytest.raises(CaptureError, match=r"found 2 folders \(a ...\)$"):
+        FolderSource(tmp_path)
+    folder(tmp_path / "b", "b_1.obj")
+    folder(tmp_path, "track.csv")
+    said = r"found 2 folders \(a ...\) and 1 other file \(track.csv ...\); it is a level too high: b has such files$"
+    with pytest.raises(CaptureError, match=said):
+        FolderSource(tmp_path)
+
+
 def test_mixed_formats_and_double_numbers_name_both_files(tmp_path: Path) -> None:
     (tmp_path / "m").mkdir()
     with pytest.raises(CaptureError, match=r"expected meshes of one format, found a_1.obj and a_2.ply"):

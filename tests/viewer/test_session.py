@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mhvedit import api
-from mhvedit.errors import SceneError
+from mhvedit.errors import CaptureError
 from mhvedit.pipeline.output import claimed
 from mhvedit.project.scene_file import load_scene
 from mhvedit.viewer.actions import act
@@ -124,7 +124,7 @@ def test_volumes_are_made_when_they_are_asked_for(session: Session) -> None:
 
 
 def test_a_segment_that_is_not_there(session: Session) -> None:
-    with pytest.raises(SceneError, match="--segment: expected one of raise, lower, found rise"):
+    with pytest.raises(CaptureError, match=r"^--segment: expected one of raise, lower, found rise"):
         session.go_to_segment("rise")
 
 
