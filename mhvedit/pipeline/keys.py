@@ -44,7 +44,7 @@ def used_parts(spec: SegmentSpec, side: int) -> frozenset[str]:
 def frames_key(sequence: MeshSequence, numbers: IntArray, known: Contents) -> Key:
     """Some frames of a capture: what their files hold."""
     files = sequence.files
-    if len(files) == len(sequence.numbers):
+    if sequence.per_frame:
         place = {number: file for number, file in zip(sequence.numbers, files, strict=True)}
         files = tuple(place[number] for number in numbers.tolist())
     return ("frames", FRAMES, PARSERS, known.of(files), numbers.tolist())

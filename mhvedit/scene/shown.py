@@ -45,8 +45,7 @@ def shown_capture(capture: MeshSequence, edit: SubjectEdit, part: str = BODY) ->
     if edit.touched is None:
         return capture
     own = {OWN + frame: int(edit.source[frame]) for frame in edit.touched.frames}
-    each = len(capture.files) == len(capture.numbers)
-    files = (*capture.files, *((edit.touched.file,) * (len(own) if each else 1))) if capture.files else ()
+    files = (*capture.files, *(edit.touched.file,) * (len(own) if capture.per_frame else 1)) if capture.files else ()
     return replace(
         capture,
         numbers=(*capture.numbers, *own),
