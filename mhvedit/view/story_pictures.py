@@ -219,11 +219,9 @@ def placed_gaze(content: ReportContent, side: StorySide, number: int) -> tuple[F
 
 
 def _volume_pictures(content: ReportContent, story: SegmentStory, stills: pyvista.Plotter) -> tuple[Picture, ...]:
-    pose = story.nearest_pose
-    if story.chosen is not None and story.group is not None:
-        pose = story.group.poses[story.chosen]
-    if pose is None or story.a.part_volume is None or story.b.part_volume is None:
+    if story.chosen is None or story.group is None or story.a.part_volume is None or story.b.part_volume is None:
         return ()
+    pose = story.group.poses[story.chosen]
     parts = (story.a.part_volume, story.b.part_volume)
     bodies = None
     if story.a.body_volume is not None and story.b.body_volume is not None:

@@ -69,7 +69,7 @@ def make_story(found: ReasonMap, group: SolutionGroup) -> StoryMaker:
         a = StorySide("anna", "hand", (0, 7), 0.0, sweep(1), standing(), np.array([0.15, 0.0, 1.6]), gaze)
         b = StorySide("ben", "hand", (2, 9), np.pi, sweep(-1), standing(), np.array([0.15, 0.0, 1.6]), gaze)
         chosen = int(group.clearance.argmax())
-        return SegmentStory(name, "+&+", a, b, N_FRAMES, found, group, chosen, cost={"moving": 0.01, "turning": 0.002})
+        return SegmentStory(name, "+&+", a, b, N_FRAMES, found, group, chosen)
 
     return make
 
@@ -90,7 +90,7 @@ def content(
         killed_by="“no contact” rejects all.",
         nearest="The nearest pose misses by 14 mm.",
     )
-    about = CaptureStory("anna", {"faces": "12"}, "estimated", 0.4, "given", 1.0, ("watertight <everywhere>",))
+    about = CaptureStory("anna", {"faces": "12"}, "estimated", 0.4, "given", ("watertight <everywhere>",))
     return ReportContent(
         "a <b>greeting</b>", (make_story("meet"), empty), scene, captures, check=check, limit_mm=30.0,
         centres={name: np.linspace([0.0, 0.0], [0.4, 0.0], 20) for name in captures}, about=(about,),
