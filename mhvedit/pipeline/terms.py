@@ -27,7 +27,7 @@ def segment_key(spec: SegmentSpec) -> KeyRange:
     return KeyRange(spec.between, spec.frames[a], spec.frames[b], spec.retime)
 
 
-def segment_pair(scene: SceneFile, spec: SegmentSpec, people: Mapping[str, Person], fps: float) -> SegmentPair:
+def segment_pair(spec: SegmentSpec, people: Mapping[str, Person], fps: float) -> SegmentPair:
     """The frames of a segment, both at one length."""
     a, b = spec.between
     rates = fps / people[a].sequence.fps, fps / people[b].sequence.fps
