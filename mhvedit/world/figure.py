@@ -38,7 +38,6 @@ class Figure:
     pieces: tuple[Piece, ...]  # P, in the frames of their joints
     joint: IntArray  # (P,) joint that carries each
     chain: IntArray  # (J,) chain of each joint; -1 for the trunk, which only moves as a whole
-    chain_names: tuple[str, ...]
     self_pairs: BoolArray  # (P, P) symmetric: which pieces may meet
     effort: FloatArray  # (D,) how little each DOF likes to leave the tracked posture
     cones: tuple[ReachCone, ...]
@@ -95,7 +94,6 @@ def capsule_figure(
         carriers.append(skeleton.names.index(name))
     if not pieces:
         raise WorldError("figure", "bones that have a length", "none")
-    chain, names = _chains(skeleton, roles)
     effort = np.array([ROLES[roles[j]].effort if roles[j] in ROLES else 1.0 for j in skeleton.dof_joint])
     effort[skeleton.dof_joint == 0] = ROOT_EFFORT
     joint_of = np.array(carriers)
@@ -103,8 +101,7 @@ def capsule_figure(
         skeleton,
         tuple(pieces),
         joint_of,
-        chain,
-        names,
+        _chains(skeleton, roles),
         _self_pairs(skeleton, tuple(pieces), joint_of),
         effort,
         load_cones(skeleton) if cones else (),
@@ -136,8 +133,8 @@ def _plain(role: str) -> str:
     return role.removeprefix("left_").removeprefix("right_")
 
 
-def _chains(skeleton: Skeleton, roles: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:
-    """Arms, legs and neck; joints without a role are with the joint above them."""
+def _chains(skeleton: Skeleton, roles: tuple[str, ...]) -> IntArray:
+    """(J,) neck, arms and legs; joints without a role are with the joint above them."""
     names = ["neck", "left_arm", "right_arm", "left_leg", "right_leg"]
     found = np.full(skeleton.n_joints, -1)
     for joint, role in enumerate(roles):
@@ -148,7 +145,7 @@ def _chains(skeleton: Skeleton, roles: tuple[str, ...]) -> tuple[IntArray, tuple
             found[joint] = names.index(f"{side}_{'arm' if part in _ARM else 'leg'}")
         elif role == "" and joint:
             found[joint] = found[skeleton.parents[joint]]
-    return found, tuple(names)
+    return found
 
 
 def _self_pairs(skeleton: Skeleton, pieces: tuple[Piece, ...], joint: IntArray) -> BoolArray:
