@@ -1,6 +1,5 @@
 """Articulated bodies: a skeleton whose joints carry convex pieces, and the chains in which it gives way."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -41,7 +40,7 @@ class Figure:
     self_pairs: BoolArray  # (P, P) symmetric: which pieces may meet
     effort: FloatArray  # (D,) how little each DOF likes to leave the tracked posture
     cones: tuple[ReachCone, ...]
-    material: str
+    material: str  # of the table
 
     def __post_init__(self) -> None:
         n = len(self.pieces)
@@ -65,15 +64,11 @@ def inward_dofs(figure: Figure, joint: int) -> IntArray:
     return np.asarray(found[::-1].copy())
 
 
-def capsule_figure(
-    skeleton: Skeleton, *, material: str = "human", extra: Mapping[str, Piece] | None = None, cones: bool = True
-) -> Figure:
+def capsule_figure(skeleton: Skeleton, *, cones: bool = True) -> Figure:
     """A body of capsules, one for each bone, as wide as that limb usually is, in five chains (D1).
 
     Args:
         skeleton: z up where q = 0.
-        material: of the table.
-        extra: pieces of joints in addition to their bones, by the joint's name.
         cones: limit shoulders and hips by the package's reach cones where the skeleton has joints of those names.
 
     Raises:
@@ -89,9 +84,6 @@ def capsule_figure(
             radius = scale * RADII.get(_plain(roles[joint]), UNKNOWN)
             pieces.append(capsule(np.zeros(3), offset, min(radius, length / 2 + 0.01)))
             carriers.append(joint)
-    for name, piece in (extra or {}).items():
-        pieces.append(piece)
-        carriers.append(skeleton.names.index(name))
     if not pieces:
         raise WorldError("figure", "bones that have a length", "none")
     effort = np.array([ROLES[roles[j]].effort if roles[j] in ROLES else 1.0 for j in skeleton.dof_joint])
@@ -105,7 +97,7 @@ def capsule_figure(
         _self_pairs(skeleton, tuple(pieces), joint_of),
         effort,
         load_cones(skeleton) if cones else (),
-        material,
+        "human",
     )
 
 
