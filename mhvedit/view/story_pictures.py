@@ -96,14 +96,14 @@ def scene_filmstrip(
     Raises:
         MissingLibrary: nothing can be drawn on this machine.
     """
-    numbers = telling_frames(scene, n)
+    numbers = spread_frames(scene, n)
     frames = [scene_meshes(scene, captures, number, things=things) for number in numbers]
     captions = [f"{number / scene.fps:.1f} s" for number in numbers]
     props = [prop_meshes(scene, captures, number) for number in numbers]
     return filmstrip(frames, captions, props=props, plotter=plotter)
 
 
-def telling_frames(scene: EditedScene, n: int) -> list[int]:
+def spread_frames(scene: EditedScene, n: int) -> list[int]:
     """Frames spread over the scene, each moved to the nearest end of a key segment, if one is near."""
     even = np.linspace(0, scene.n_frames - 1, n)
     reach = 0.4 * scene.n_frames / max(1, n - 1)
@@ -126,7 +126,7 @@ def _scene_strip(content: ReportContent, strips: pyvista.Plotter) -> Picture | N
         return None
     picture = scene_filmstrip(content.scene, content.captures, things=content.things, plotter=strips)
     names = " and ".join(content.scene.subjects)
-    seconds = ", ".join(f"{f / content.scene.fps:.1f}" for f in telling_frames(content.scene, SCENE_FRAMES))
+    seconds = ", ".join(f"{f / content.scene.fps:.1f}" for f in spread_frames(content.scene, SCENE_FRAMES))
     return as_picture(
         picture, f"{names} at {seconds} seconds of the edited scene, seen from the side", "The edited scene"
     )
