@@ -17,8 +17,9 @@ from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.poses import PoseGrid, pose_grid
 from mhvedit.search.sight import MutualSight
 from mhvedit.sequences.align import KeyRange, key_pair
+from mhvedit.sequences.meshes import BODY
 from mhvedit.sequences.segments import SegmentPair
-from mhvedit.volumes.subject import BODY, SubjectVolumes, part_of
+from mhvedit.volumes.subject import SubjectVolumes, part_of
 
 
 def segment_key(spec: SegmentSpec) -> KeyRange:
