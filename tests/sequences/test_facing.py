@@ -16,6 +16,7 @@ from mhvedit.sequences.body_model import N_JOINTS, plain_adult, rotation_from_ve
 from mhvedit.sequences.facing import facing_from_tracks, facing_of_body
 from mhvedit.sequences.meshes import Facing, JointTracks, Mesh, MeshSequence
 from mhvedit.sequences.surface_cloud import surface_cloud
+from tests.shapes import mesh_of
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "data" / "scenes"
 FIGURE = (  # ellipsoids of a person who looks along +x: centre, half axes
@@ -42,8 +43,7 @@ def figure(subdivisions: int = 3) -> Mesh:
         ball = trimesh.creation.icosphere(subdivisions=subdivisions)
         ball.vertices = ball.vertices * axes + centre
         balls.append(ball)
-    whole = trimesh.util.concatenate(balls)
-    return Mesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32))
+    return mesh_of(trimesh.util.concatenate(balls))
 
 
 def placed(mesh: Mesh, pose: FloatArray) -> Mesh:
@@ -116,8 +116,7 @@ def test_a_figure_on_its_back_faces_its_feet() -> None:
 
 
 def test_a_shape_that_is_nobody_gets_an_answer_with_little_trust() -> None:
-    box = trimesh.creation.box(extents=(60.0, 40.0, 30.0))
-    mesh = Mesh(np.asarray(box.vertices, np.float64), np.asarray(box.faces, np.int32))
+    mesh = mesh_of(trimesh.creation.box(extents=(60.0, 40.0, 30.0)))
     facing = facing_of(sequence(mesh, mesh))
     assert np.isfinite(facing.yaw).all()
     assert (facing.trust < 0.05).all()

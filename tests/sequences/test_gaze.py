@@ -11,6 +11,7 @@ from mhvedit.sequences.bodies import track_body
 from mhvedit.sequences.body_model import rotation_from_vector
 from mhvedit.sequences.gaze import gaze_from_tracks, gaze_of_body
 from mhvedit.sequences.meshes import Gaze, JointTracks, Mesh, MeshSequence
+from tests.shapes import mesh_of
 
 TRUNK = (  # ellipsoids of a person who looks along +x: centre, half axes
     ((0.0, 0.0, 1.05), (0.11, 0.17, 0.22)),
@@ -42,8 +43,7 @@ def figure(turn: float, nod: float = 0.0) -> Mesh:
     for centre, axes in HEAD:
         balls.append(trimesh.creation.icosphere(subdivisions=3))
         balls[-1].vertices = (balls[-1].vertices * axes + centre) @ head.T + SKULL
-    whole = trimesh.util.concatenate(balls)
-    return Mesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32))
+    return mesh_of(trimesh.util.concatenate(balls))
 
 
 def sequence(mesh: Mesh) -> MeshSequence:
