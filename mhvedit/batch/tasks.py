@@ -143,7 +143,7 @@ def _warmed(stage: str, scene: Path, cache: Path, work: Callable[[Job], None]) -
 
 def _opened(scene: Path, cache: Path) -> Job:
     """A job that keeps its results on disk alone."""
-    job = load(scene, cache=cache)
+    job = load(scene, cache=cache, workers=1)
     return replace(job, store=replace(job.store, holds=False))
 
 

@@ -16,7 +16,7 @@ from mhvedit.skeleton.model import Motion
 from mhvedit.skeleton.skin import SkinnedBody, sparse_weights
 
 FOLD: Final = 0.08  # m: skin that is this near to a limb that it borders on, at rest, may fold into it
-TOLERANCE: Final = 0.005  # m: how much deeper than at rest two limbs may be before it is a collision (E5)
+TOLERANCE: Final = 0.005  # m: how much deeper than at rest two limbs may be before it is a collision (F5)
 CHUNK: Final = 16  # frames that one thread does in one go
 
 
@@ -189,7 +189,7 @@ def contacts_from(body: CollisionBody, depths: Depths) -> Contacts:
 
 
 def collisions(contacts: Contacts, *, tolerance: float = TOLERANCE) -> Contacts:
-    """The contacts that are deeper than at rest by more than a tolerance, m (E5)."""
+    """The contacts that are deeper than at rest by more than a tolerance, m (F5)."""
     kept = contacts.excess > tolerance
     return Contacts(
         contacts.frame[kept],

@@ -1,4 +1,4 @@
-"""Carries a change of the skeleton over to the captured surface itself (section E3)."""
+"""Carries a change of the skeleton over to the captured surface itself (F3)."""
 
 from dataclasses import dataclass, replace
 from typing import Final

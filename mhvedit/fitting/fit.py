@@ -1,4 +1,4 @@
-"""Lays the template into frames, and finds from many frames where its joints are (section E1, E2).
+"""Lays the template into frames, and finds from many frames where its joints are (F1, F2).
 
 Articulated closest points: every sample of the template looks for the captured surface near it that faces its way, and
 damped Gauss-Newton steps shorten the distances along its normals. From a set of frames at once the joints' places in

@@ -26,6 +26,7 @@ def arranged(
     fps: float,
     props: Mapping[str, Prop],
     store: Store,
+    workers: int,
 ) -> Assembly:
     """Choose what everybody does where, carry everyone along it, and place all on the stage.
 
@@ -39,6 +40,7 @@ def arranged(
         fps: of the scene.
         props: by name.
         store: where shells are kept between runs.
+        workers: threads; the result does not depend on it.
 
     Raises:
         NoSolution: a segment has no solution, adjoining ones have none in common, or there is no room on the stage.
@@ -49,7 +51,7 @@ def arranged(
         found = assemble(scene, people, solved, fps=fps, rows=rows)
         wanted = frames_in_question(scene, found.scene, people)
         bodies = bodies_of(scene, people, line.sources, store, wanted=wanted)
-        return kept_clear(scene, found, people=people, props={}, bodies=bodies, store=store)
+        return kept_clear(scene, found, people=people, props={}, bodies=bodies, store=store, workers=workers)
     bodies = bodies_of(scene, people, line.sources, store)
     left, said = settled_rows(solved, rows, people=people, bodies=bodies, around=around, pin=scene.stage.pin)
     found = assemble(scene, people, solved, fps=fps, rows=left)
@@ -59,4 +61,4 @@ def arranged(
     found = replace(found, scene=edit, notes=said)
     things = {name: props[name] for name in around.obstacles}
     everything = {**bodies, **around.obstacles}
-    return kept_clear(scene, found, people=people, props=things, bodies=everything, store=store)
+    return kept_clear(scene, found, people=people, props=things, bodies=everything, store=store, workers=workers)

@@ -27,7 +27,7 @@ from mhvedit.files import replacing
 from mhvedit.pipeline.avoid_report import Findings, as_report, posture_story, reasons, said_steps
 from mhvedit.pipeline.motions import open_motion
 from mhvedit.pipeline.posture_file import POSTURES, postures_of, write_postures
-from mhvedit.pipeline.progress import Progress
+from mhvedit.pipeline.progress import Progress, silent
 from mhvedit.sequences.formats import parse_mesh
 from mhvedit.skeleton.limits import said_beyond_limits
 from mhvedit.skeleton.model import Motion
@@ -131,7 +131,7 @@ def avoid_collisions(
         continuous: whether to look between the frames too.
         progress: told stage and share done.
     """
-    tell = progress or _tell_nobody
+    tell = progress or silent
     tell("frame by frame", 0.0)
     avoided = METHODS[method](problem)
     tell("frame by frame", 1.0)
@@ -150,11 +150,6 @@ def avoid_collisions(
     again = smoothed(problem, rounded)
     skipped = skipped_collisions(problem.body.skeleton, problem.body.guard, again.motion.q)
     return again if again.converged and len(skipped.frames) <= len(left.frames) else rounded
-
-
-def _tell_nobody(stage: str, share: float) -> None:
-    """Where no progress is shown."""
-    del stage, share
 
 
 def method_of(name: str) -> Method:

@@ -17,7 +17,6 @@ from mhvedit.project.props import Prop
 from mhvedit.project.schema import SceneFile
 from mhvedit.scene.shells import Cells, Float32Array, Shells, cells_of, shell_of, stacked, touching
 from mhvedit.sequences.meshes import Mesh, MeshSequence
-from mhvedit.volumes.parts import OwnMesh
 
 VERSION: Final = 2  # of what is kept; raise it when shells change
 THREADS: Final = 2
@@ -160,5 +159,4 @@ def _shells(scene: SceneFile, person: Person, numbers: IntArray, store: Store) -
 
 def solids_of(person: Person) -> list[MeshSequence]:
     """The capture of somebody, and those of the things that she holds."""
-    parts = person.subject.parts.values()
-    return [person.sequence, *(part.sequence for part in parts if isinstance(part, OwnMesh))]
+    return [person.sequence, *person.subject.held.values()]

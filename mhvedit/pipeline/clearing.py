@@ -30,7 +30,7 @@ SPARE: Final = 0.002  # m more than what is needed
 GAP: Final = 4  # frames between runs that are one
 ROUNDS: Final = 8
 DIRECTIONS: Final = 8
-FURTHEST: Final = 0.5  # m; who would have to be shifted further is left alone
+FURTHEST: Final = 0.5  # m; two of whom one would have to be shifted further are left as they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ def kept_clear(
     props: Mapping[str, Prop],
     bodies: Mapping[str, Body],
     store: Store,
-    workers: int = 2,
+    workers: int,
 ) -> Assembly:
     """The scene with paths that give way; untouched where nobody is too deep in anybody.
 
@@ -130,26 +130,26 @@ def _bent(
     settings, edits = path_settings(movers.scene.optimise), movers.edit.subjects
     weights = np.array([shift_weights(movers.people[name].centres_at(edits[name].source), settings) for name in names])
     free = np.array([movers.free[name] for name in names])
-    least = [np.zeros(movers.edit.n_frames) for _ in runs]
+    least = {run: np.zeros(movers.edit.n_frames) for run in runs}  # how far the first of each has to be moved, m
     shifts: dict[str, FloatArray] = {}
     best: tuple[dict[str, FloatArray], dict[str, float], Mapping[Pair, FloatArray]] = ({}, {}, depths)
     for _ in range(ROUNDS):
         paths = movers.paths(shifts)
-        for own, run in zip(least, runs, strict=True):
-            frames = _about(run, movers)
-            deep = frames[depths[run.pair][frames] > movers.allowed[run.pair][frames]]
-            for frame in deep.tolist():
-                own[frame] += _needed(movers, paths, run.pair, frame, run.direction)
-        if max(float(own.max()) for own in least) > FURTHEST:
+        deep = {run: _too_deep(movers, run, depths) for run in least}
+        if not any(len(frames) for frames in deep.values()):
             break
-        pushes = [push for own, run in zip(least, runs, strict=True) for push in _pushes(names, run, own)]
+        for run, frames in deep.items():
+            for frame in frames.tolist():
+                least[run][frame] += _needed(movers, paths, run.pair, frame, run.direction)
+        least = {run: own for run, own in least.items() if own.max() <= FURTHEST}
+        if not least:
+            break
+        pushes = [push for run, own in least.items() for push in _pushes(names, run, own)]
         moved, paid = bent(weights, free, pushes, delta=settings.acceleration)
         shifts = dict(zip(names, moved, strict=True))
         depths = depths_of(movers, shifts)
         if _excess(movers, depths) < _excess(movers, best[2]):
             best = shifts, dict(zip(names, paid.tolist(), strict=True)), depths
-        if _excess(movers, depths) == 0:
-            break
     return best
 
 
@@ -160,9 +160,10 @@ def _pushes(names: Sequence[str], run: _Run, least: FloatArray) -> list[Push]:
     return [Push(int(k), names.index(one), against, run.direction, float(least[k])) for k in np.flatnonzero(least)]
 
 
-def _about(run: _Run, movers: Movers) -> IntArray:
-    """The frames of a run, and those next to it into which being too deep may move."""
-    return np.arange(max(int(run.frames[0]) - GAP, 0), min(int(run.frames[-1]) + GAP + 1, movers.edit.n_frames))
+def _too_deep(movers: Movers, run: _Run, depths: Mapping[Pair, FloatArray]) -> IntArray:
+    """The frames of a run, and those next to it into which being too deep may have moved, that still are."""
+    start, stop = max(int(run.frames[0]) - GAP, 0), int(run.frames[-1]) + GAP + 1
+    return start + np.flatnonzero(depths[run.pair][start:stop] > movers.allowed[run.pair][start:stop])
 
 
 def _bend(

@@ -165,7 +165,7 @@ def relative_placements(one: FloatArray, other: FloatArray) -> FloatArray:
     """(N, 3) where the other stands beside the one, rounded so that it is the same wherever the two are."""
     beside = compose(invert(one), other)
     beside[:, 2] = wrap_angle(beside[:, 2])
-    return np.round(beside, DIGITS)
+    return np.asarray(np.round(beside, DIGITS) + 0.0)  # no negative zeros: keys are made of what is written
 
 
 def frames_of(movers: Movers, name: str, store: Store) -> object:

@@ -15,19 +15,20 @@ from mhvedit.export.movie import encoder, even_size, frames_shown, write_movie
 from mhvedit.export.target import ExportError, Format, check_free, format_of
 from mhvedit.export.usd_edit import write_usd_edit
 from mhvedit.export.usd_flat import write_flat_usd
-from mhvedit.geometry.arrays import ByteArray, FloatArray
-from mhvedit.geometry.planar import apply_pose, rotation
+from mhvedit.geometry.arrays import ByteArray
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.output import EDIT
 from mhvedit.pipeline.people import meet_people
+from mhvedit.pipeline.progress import silent
 from mhvedit.pipeline.run import job_of
 from mhvedit.pipeline.shown import shown_subjects
 from mhvedit.project.schema import OwnMeshSpec, SubjectSpec
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, read_edit
+from mhvedit.scene.eyes import Eyes, eyes_in
 from mhvedit.scene.shown import shown_scene
 from mhvedit.sequences.meshes import BODY, MeshSequence
-from mhvedit.view.film import Cameras, Eyes, film, fixed_cameras, orbit_cameras, scene_boxes
+from mhvedit.view.film import Cameras, film, fixed_cameras, orbit_cameras, scene_boxes
 from mhvedit.view.studio import check_can_draw
 from mhvedit.volumes.parts import OwnMesh
 
@@ -80,7 +81,7 @@ def export_output(
     edit = read_edit(out / EDIT)
     job = job_of(out)
     scene = export_scene(edit, job, out)
-    tell = progress or (lambda stage, share: None)
+    tell = progress or silent
     match format_of(to):
         case Format.GLB:
             return write_glb(scene, to, draco=settings.draco, tell=tell)
@@ -228,13 +229,9 @@ def eyes_of(edit: EditedScene, job: Job, name: str) -> Eyes:
         CaptureError: a gaze that is given, but not for all frames.
     """
     gaze = meet_people(job.scene, job.subjects, job.store)[name].gaze
-    subject = edit.subjects[name]
-    row = np.searchsorted(gaze.numbers, subject.source).clip(0, len(gaze.numbers) - 1)
-    missing = gaze.numbers[row] != subject.source
+    eyes = eyes_in(name, edit.subjects[name], gaze)
+    missing = np.isnan(eyes.eye[:, 0])
     if missing.any():
-        found = f"none in frame {subject.source[missing][0]}"
+        found = f"none in frame {edit.subjects[name].source[missing][0]}"
         raise CaptureError(job.scene.file, f"a gaze of {name} in all frames of the scene", found)
-    eye: FloatArray = np.array([apply_pose(p, e) for p, e in zip(subject.placements, gaze.eye[row], strict=True)])
-    direction = np.array(gaze.direction[row])
-    direction[:, :2] = (rotation(subject.placements[:, 2]) @ direction[:, :2, None])[..., 0]
-    return Eyes(name, eye, direction)
+    return eyes

@@ -18,7 +18,7 @@ from mhvedit.pipeline.assemble import Assembly
 from mhvedit.pipeline.misses import Miss, explain_empty
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.picks import rows_left
-from mhvedit.pipeline.progress import Progress
+from mhvedit.pipeline.progress import Progress, silent
 from mhvedit.pipeline.props_pass import with_props
 from mhvedit.pipeline.segments import SolvedSegment, solve_segment
 from mhvedit.pipeline.stops_pass import with_stops
@@ -61,12 +61,13 @@ class Result:
         return next(s for s in self.segments if s.spec.name == name)
 
 
-def load(path: Path | str, *, cache: Path | None = None) -> Job:
+def load(path: Path | str, *, cache: Path | None = None, workers: int = 2) -> Job:
     """Load a scene file and open what it names.
 
     Args:
         path: of the scene file.
         cache: folder for converted frames and intermediate results; None keeps nothing.
+        workers: threads where a capture is repaired; the result does not depend on it.
 
     Raises:
         MhveditError: something is wrong with the scene file or a capture.
@@ -82,7 +83,7 @@ def load(path: Path | str, *, cache: Path | None = None) -> Job:
     if any(spec.self_collision is not None for spec in scene.subjects.values()):
         from mhvedit.pipeline.repair import repaired_subjects  # likewise
 
-        subjects = repaired_subjects(scene, subjects, store)
+        subjects = repaired_subjects(scene, subjects, store, workers=workers)
     return Job(scene, subjects, scene_fps(scene, subjects), store, props)
 
 
@@ -105,13 +106,33 @@ def solve(
     """
     if previous is not None:
         job = replace(job, store=replace(job.store, earlier=previous.job.store.used, used={}))
-    tell = progress or (lambda stage, share: None)
+    tell = progress or silent
     seconds: dict[str, float] = {}
     started = time.perf_counter()
     tell("looking at the captures", 0.0)
     people = meet_people(job.scene, job.subjects, job.store, workers=workers)
     seconds["captures"] = time.perf_counter() - started
+    found = _solve_segments(job, people, workers=workers, tell=tell, previous=previous, solved=solved)
+    misses = {segment.name: miss for segment, miss, _ in found if miss is not None}
+    seconds |= {f"segment {segment.name}": spent for segment, _, spent in found}
+    tell("chain and paths", 0.0)
+    started = time.perf_counter()
+    result = Result(job, people, tuple(segment for segment, _, _ in found), None, None, misses, seconds)
+    result = choose(result, {}, workers=workers)
+    seconds["chain and paths"] = time.perf_counter() - started
+    return result
 
+
+def _solve_segments(
+    job: Job,
+    people: Mapping[str, Person],
+    *,
+    workers: int,
+    tell: Progress,
+    previous: Result | None,
+    solved: Callable[[SolvedSegment], None] | None,
+) -> list[tuple[SolvedSegment, Miss | None, float]]:
+    """Every key segment, why nothing fits where it is empty, and the seconds that it took."""
     stopped = Event()
 
     def one(spec: SegmentSpec) -> tuple[SolvedSegment, Miss | None, float]:
@@ -123,15 +144,7 @@ def solve(
                 raise CancelledError
             tell(stage, share)
 
-        segment = solve_segment(
-            job.scene,
-            spec,
-            people,
-            fps=job.fps,
-            store=job.store,
-            workers=workers,
-            progress=told,
-        )
+        segment = solve_segment(job.scene, spec, people, fps=job.fps, store=job.store, workers=workers, progress=told)
         segment, miss = _carried(segment, previous), None
         if segment.n_solutions == 0:
             tell(f"{stage}: why nothing fits", 0.0)
@@ -149,15 +162,7 @@ def solve(
             raise
         finally:
             pool.shutdown(cancel_futures=True)
-    found = _results(futures)
-    misses = {segment.name: miss for segment, miss, _ in found if miss is not None}
-    seconds |= {f"segment {segment.name}": spent for segment, _, spent in found}
-    tell("chain and paths", 0.0)
-    started = time.perf_counter()
-    result = Result(job, people, tuple(segment for segment, _, _ in found), None, None, misses, seconds)
-    result = choose(result, {})
-    seconds["chain and paths"] = time.perf_counter() - started
-    return result
+    return _results(futures)
 
 
 def _results(futures: Sequence[Future[T]]) -> list[T]:
@@ -180,13 +185,14 @@ def _carried(segment: SolvedSegment, previous: Result | None) -> SolvedSegment:
     return next(same, segment)
 
 
-def choose(result: Result, picked: Mapping[str, int]) -> Result:
+def choose(result: Result, picked: Mapping[str, int], *, workers: int = 2) -> Result:
     """The scene again, with some solutions picked.
 
     Args:
         result: of `solve`.
         picked: row of the solution group by segment name, whatever `pin` and `exclude` in the scene file say; the
             chain chooses the others, among what these leave.
+        workers: threads; the result does not depend on it.
 
     Raises:
         SceneError: there is no such segment, or no such row.
@@ -205,10 +211,12 @@ def choose(result: Result, picked: Mapping[str, int]) -> Result:
             for spec, segment in zip(scene.segments, result.segments, strict=True)
         ]
         job = result.job
-        assembly = arranged(scene, people, result.segments, rows, fps=job.fps, props=job.props, store=job.store)
+        assembly = arranged(
+            scene, people, result.segments, rows, fps=job.fps, props=job.props, store=job.store, workers=workers
+        )
     except NoSolution as failure:
         return replace(result, assembly=None, failure=failure)
-    assembly = with_stops(scene, assembly, people, job.props, job.store)
+    assembly = with_stops(scene, assembly, people, job.props, job.store, workers=workers)
     assembly = with_props(scene, assembly, job.subjects, job.props, job.store)
     return replace(result, assembly=assembly, failure=None)
 

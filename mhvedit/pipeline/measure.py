@@ -15,8 +15,9 @@ import numpy as np
 
 from mhvedit.constraints.visibility import sight_cone
 from mhvedit.geometry.arrays import BoolArray, FloatArray
-from mhvedit.geometry.planar import apply_pose, compose, invert, wrap_angle
+from mhvedit.geometry.planar import apply_pose
 from mhvedit.pipeline.bodies import bodies_of, frames_off_floor
+from mhvedit.pipeline.depths import relative_placements
 from mhvedit.pipeline.job import Job
 from mhvedit.pipeline.keys import frames_key, part_key, segment_parts
 from mhvedit.pipeline.people import Person
@@ -24,7 +25,6 @@ from mhvedit.pipeline.shown import shown_people, shown_subjects
 from mhvedit.pipeline.store import Arrays, Key
 from mhvedit.pipeline.terms import segment_pair
 from mhvedit.project.schema import SegmentSpec
-from mhvedit.project.subjects import Subject
 from mhvedit.scene.checks import REACH, Progress, SegmentSight, check_scene
 from mhvedit.scene.contact import TOUCH, ContactSlack, Verdict
 from mhvedit.scene.edit import EditedScene, SubjectEdit
@@ -36,7 +36,6 @@ from mhvedit.volumes.parts import OwnMesh, select_points
 
 CHECK: Final = 1  # of what is kept of a stretch; raise it when the check changes
 SOLES: Final = 1  # of what is kept of a capture
-DIGITS: Final = 9  # to which relative placements are the same, m and rad
 
 
 def measure_scene(
@@ -150,11 +149,10 @@ def stretches(scene: EditedScene) -> Iterator[tuple[int, int]]:
 def _stretch(scene: EditedScene, start: int, stop: int) -> EditedScene:
     """Some frames of a scene of two, with A's capture at rest."""
     (a, first), (b, second) = scene.subjects.items()
-    beside = compose(invert(first.placements[start:stop]), second.placements[start:stop])
-    beside[:, 2] = wrap_angle(beside[:, 2])
+    beside = relative_placements(first.placements[start:stop], second.placements[start:stop])
     subjects = {
         a: SubjectEdit(first.source[start:stop], np.zeros((stop - start, 3))),
-        b: SubjectEdit(second.source[start:stop], np.round(beside, DIGITS) + 0.0),
+        b: SubjectEdit(second.source[start:stop], beside),
     }
     segments = tuple(
         replace(s, start=s.start - start, stop=s.stop - start)
@@ -170,8 +168,8 @@ def _key(job: Job, people: Mapping[str, Person], part: EditedScene, start: int) 
     sides = []
     for name, edit in part.subjects.items():
         own = job.scene.props[name] if name in job.props else job.scene.subjects[name]
-        held = {} if name in job.props else _held(job.subjects[name])
-        things = {n: frames_key(thing.sequence, edit.source, known) for n, thing in held.items()}
+        held = {} if name in job.props else job.subjects[name].held
+        things = {n: frames_key(thing, edit.source, known) for n, thing in held.items()}
         frames = frames_key(_captures(job)[name], edit.source, known)
         sides.append((frames, things, own.units, own.up, edit.placements.tolist()))
     asked = []
@@ -322,10 +320,7 @@ def _measured(
         parts_of_segment={name: segment_parts(spec) for name, spec in specs.items()},
         slack={name: _slack(job, spec) for name, spec in specs.items()},
         sight={name: sight for name, spec in specs.items() if (sight := _sight(job, spec, people)) is not None},
-        held={
-            name: {part: thing.sequence for part, thing in _held(subject).items()}
-            for name, subject in job.subjects.items()
-        },
+        held={name: subject.held for name, subject in job.subjects.items()},
         first=first,
         between_frames=between_frames,
         workers=workers,
@@ -337,11 +332,6 @@ def _captures(job: Job) -> dict[str, MeshSequence]:
     """Of subjects and props."""
     people = {name: subject.sequence for name, subject in job.subjects.items()}
     return people | {name: prop.sequence for name, prop in job.props.items()}
-
-
-def _held(subject: Subject) -> dict[str, OwnMesh]:
-    """Things with meshes of their own."""
-    return {name: part for name, part in subject.parts.items() if isinstance(part, OwnMesh)}
 
 
 def _slack(job: Job, spec: SegmentSpec) -> ContactSlack:

@@ -20,7 +20,6 @@ from mhvedit.scene.edit import EditedScene, PropEdit
 from mhvedit.scene.report import SceneReport
 from mhvedit.scene.shown import shown_scene
 from mhvedit.skeleton.bvh import JointMotion
-from mhvedit.volumes.parts import OwnMesh
 
 VERSION: Final = 1  # of what is kept; raise it when the simulation changes
 NOTABLE: Final = 0.005  # m, that somebody may be inside a prop without a word
@@ -152,8 +151,8 @@ def _key(
     people = []
     for name, own in edit.subjects.items():
         spec = scene.subjects[name]
-        things = [part.sequence for part in subjects[name].parts.values() if isinstance(part, OwnMesh)]
-        frames = [frames_key(sequence, own.source, known) for sequence in (subjects[name].sequence, *things)]
+        solids = (subjects[name].sequence, *subjects[name].held.values())
+        frames = [frames_key(sequence, own.source, known) for sequence in solids]
         people.append((name, frames, spec.units, spec.up, own.placements.tolist()))
     bodies = []
     for name, prop in props.items():

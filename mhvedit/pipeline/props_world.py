@@ -19,7 +19,6 @@ from mhvedit.project.schema import SceneFile
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.meshes import Mesh, MeshSequence
-from mhvedit.volumes.parts import OwnMesh
 from mhvedit.world.among import Among, Crowd, Overlap
 from mhvedit.world.balls import as_ball
 from mhvedit.world.bodies import Body, BodyClass, Pose, body_of_mesh, body_of_pieces
@@ -127,8 +126,7 @@ class _Crowds:
     def __init__(self, scene: EditedScene, subjects: Mapping[str, Subject], props: Mapping[str, Prop]) -> None:
         self._placed, self._materials, self._last = dict[str, Placed](), dict[str, str](), dict[str, Flesh]()
         for name, edit in scene.subjects.items():
-            parts = subjects[name].parts.items()
-            held = {f"{name}'s {part}": thing.sequence for part, thing in parts if isinstance(thing, OwnMesh)}
+            held = {f"{name}'s {part}": thing for part, thing in subjects[name].held.items()}
             for whose, sequence in {name: subjects[name].sequence, **held}.items():
                 self._placed[whose] = partial(_placed, sequence, edit.source.tolist(), edit.placements)
                 self._materials[whose] = PERSON_MATERIAL

@@ -54,7 +54,7 @@ class _Equipment:
 
 
 def repaired_subjects(
-    scene: SceneFile, subjects: Mapping[str, Subject], store: Store, *, workers: int = 2
+    scene: SceneFile, subjects: Mapping[str, Subject], store: Store, *, workers: int
 ) -> dict[str, Subject]:
     """Subjects with repaired captures, where the scene file asks for that.
 

@@ -31,7 +31,7 @@ from mhvedit.pipeline.output import (
 )
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.picks import idle_exclusions
-from mhvedit.pipeline.progress import Progress
+from mhvedit.pipeline.progress import Progress, silent
 from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.standing import Standing, answer_files, forget, holds, note, standing_in
 from mhvedit.pipeline.store import Arrays, Store, capture_signature, hashed
@@ -40,7 +40,6 @@ from mhvedit.project.schema import SubjectSpec
 from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
-from mhvedit.volumes.parts import OwnMesh
 
 VERSION = 3  # of what is written; raise it when the reports change
 WARNINGS = 1  # of what is kept of them; raise it when they change
@@ -91,7 +90,7 @@ def run_scene(
     started, began = time.perf_counter(), time.time()
     limit = cache_limit() if cache_gb is None else cache_gb
     warn = warn or (lambda text: None)
-    job = load(scene, cache=out / CACHE)  # bad input is found before anything is written
+    job = load(scene, cache=out / CACHE, workers=workers)  # bad input is found before anything is written
     job = replace(job, store=replace(job.store, holds=False))
     with claimed(out):
         warnings = scene_warnings(job, workers=workers)
@@ -116,9 +115,7 @@ def run_scene(
         if answered is not None:
             answered(outcome)
         if check:
-            outcome = _verified(
-                out, outcome, workers=workers, page=report, tell=progress or (lambda stage, share: None)
-            )
+            outcome = _verified(out, outcome, workers=workers, page=report, tell=progress or silent)
         trim(out, limit=limit, since=began - CLOCK)
     return outcome
 
@@ -172,8 +169,7 @@ def _solutions_name(segment: SolvedSegment) -> str:
 
 def _things_key(person: Person, store: Store) -> list[str]:
     """What the meshes of the things that a person holds are like."""
-    things = [part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh)]
-    return [store.contents.of(thing.files) for thing in things]
+    return [store.contents.of(thing.files) for thing in person.subject.held.values()]
 
 
 def _verified(out: Path, answer: Outcome, *, workers: int, page: bool, tell: Progress) -> Outcome:
@@ -266,9 +262,9 @@ def check_output(
     Raises:
         CaptureError: the folder holds no edit, or none of its scene file as that is now.
     """
-    tell = progress or (lambda stage, share: None)
+    tell = progress or silent
     edit = read_edit(out / EDIT)
-    job = job_of(out)
+    job = job_of(out, workers=workers)
     people = meet_people(job.scene, job.subjects, job.store)
     _check_belongs(out, edit, job, people)
     report = measure_scene(
@@ -295,8 +291,12 @@ def _check_belongs(out: Path, edit: EditedScene, job: Job, people: Mapping[str, 
         )
 
 
-def job_of(out: Path) -> Job:
+def job_of(out: Path, *, workers: int = 2) -> Job:
     """The scene that an output folder was made from.
+
+    Args:
+        out: of `mhvedit solve`.
+        workers: as in `job.load`.
 
     Raises:
         CaptureError: the folder does not say.
@@ -305,4 +305,4 @@ def job_of(out: Path) -> Job:
         scene = out / json.loads((out / SOURCE).read_text())["scene"]
     except (OSError, ValueError, KeyError, TypeError) as fault:
         raise CaptureError(out / SOURCE, "the scene file that `mhvedit solve` noted", "nothing readable") from fault
-    return load(scene, cache=out / CACHE)
+    return load(scene, cache=out / CACHE, workers=workers)

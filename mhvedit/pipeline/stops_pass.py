@@ -36,7 +36,7 @@ def with_stops(
     props: Mapping[str, Prop],
     store: Store,
     *,
-    workers: int = 2,
+    workers: int,
 ) -> Assembly:
     """The edited scene with limbs that stop at fixed props; the same where nobody reaches into one.
 

@@ -23,7 +23,6 @@ from mhvedit.pipeline.stops_stretch import Stopped, stopped, windows_of
 from mhvedit.pipeline.store import Arrays, Store
 from mhvedit.scene.touched import THING
 from mhvedit.sequences.meshes import Mesh
-from mhvedit.volumes.parts import OwnMesh
 from mhvedit.world.bodies import Body
 from mhvedit.world.materials import load_materials
 from mhvedit.world.problems import WorldError
@@ -76,7 +75,7 @@ def _actor(
         return None, _refusal(name, [str(fault)])
     if why:
         return None, _refusal(name, why)
-    things = {part: own.sequence for part, own in subject.parts.items() if isinstance(own, OwnMesh)}
+    things = subject.held
     places = fit.places[np.searchsorted(fit.numbers, edited)]
     hands = {part: holder_of([own.mesh(int(n)) for n in edited], places) for part, own in things.items()}
     paths = movers.paths({})

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import wrap_angle
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.keys import segment_parts
@@ -13,12 +13,11 @@ from mhvedit.pipeline.segments import SolvedSegment
 from mhvedit.pipeline.shown import shown_people
 from mhvedit.pipeline.stops_pass import stop_in_words
 from mhvedit.project.schema import SegmentSpec
+from mhvedit.scene.eyes import eyes_in
 from mhvedit.scene.report import SceneReport
 from mhvedit.scene.shown import shown_scene
-from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.view.charts import SceneCheck
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory, StorySide
-from mhvedit.volumes.parts import OwnMesh
 from mhvedit.volumes.subject import SubjectVolumes, part_of
 
 DOUBTFUL_FACING = 0.3  # trust below which an estimated facing is pointed out
@@ -38,9 +37,10 @@ def report_content(
     """
     scene = None if result.assembly is None else result.assembly.scene
     stories = [_story(result, index) for index in range(len(result.segments))]
-    centres, people = {}, dict(result.people)
+    centres, eyes, people = {}, {}, dict(result.people)
     if scene is not None:
         centres = {name: people[name].centres_at(edit.source) for name, edit in scene.subjects.items()}
+        eyes = {name: eyes_in(name, edit, people[name].gaze) for name, edit in scene.subjects.items()}
         people, scene = shown_people(people, scene), shown_scene(scene)
     return ReportContent(
         name=result.job.scene.name,
@@ -48,7 +48,8 @@ def report_content(
         scene=scene,
         captures={name: person.sequence for name, person in people.items()}
         | {name: prop.sequence for name, prop in result.job.props.items()},
-        things={name: _things(person) for name, person in people.items()},
+        things={name: list(person.subject.held.values()) for name, person in people.items()},
+        eyes=eyes,
         check=None if check is None else scene_check(check),
         limit_mm=limit_mm,
         centres=centres,
@@ -80,19 +81,13 @@ def _per_frame(steps: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.nan_to_num(steps)])
 
 
-def _things(person: Person) -> list[MeshSequence]:
-    return [part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh)]
-
-
 def _story(result: Result, index: int) -> SegmentStory:
     segment, assembly = result.segments[index], result.assembly
     spec = segment.spec
     volumes = segment.volumes()
     sides = [
-        _side(result, segment, name, numbers, volume, facing)
-        for name, numbers, volume, facing in zip(
-            spec.between, (segment.pair.a, segment.pair.b), volumes, segment.facing, strict=True
-        )
+        _side(segment, name, volume, facing)
+        for name, volume, facing in zip(spec.between, volumes, segment.facing, strict=True)
     ]
     chosen = None if assembly is None else assembly.chosen[index]
     miss = result.misses.get(spec.name)
@@ -114,14 +109,8 @@ def _story(result: Result, index: int) -> SegmentStory:
     )
 
 
-def _side(
-    result: Result, segment: SolvedSegment, name: str, numbers: IntArray, volumes: SubjectVolumes, facing: float
-) -> StorySide:
-    person = result.people[name]
+def _side(segment: SolvedSegment, name: str, volumes: SubjectVolumes, facing: float) -> StorySide:
     part = segment_parts(segment.spec)[segment.spec.between.index(name)]
-    shown = numbers[0] if "-" in segment.spec.interaction.value else numbers[-1]
-    row = int(np.searchsorted(person.gaze.numbers, shown))
-    known = row < len(person.gaze.numbers) and person.gaze.numbers[row] == shown
     return StorySide(
         subject=name,
         part=part,
@@ -129,8 +118,6 @@ def _side(
         facing=facing,
         part_volume=part_of(volumes, part),
         body_volume=volumes.body,
-        eye=person.gaze.eye[row] if known else None,
-        gaze=person.gaze.direction[row] if known else None,
     )
 
 

@@ -31,7 +31,7 @@ NEARLY: Final = 1e-6  # by which a quotient of decimals may miss the whole numbe
 
 
 def load_scene(path: Path | str) -> SceneFile:
-    """Read a scene file (contract, "Scene file").
+    """Read a scene file (`docs/scene-file.md`).
 
     Paths in it are relative to its folder; that what they name is there is checked, captures are not opened.
 

@@ -113,7 +113,7 @@ class Visibility:
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """How far a contact may miss, and bodies may sink in (contract, "Scene file")."""
+    """How far a contact may miss, and bodies may sink in (`docs/scene-file.md`)."""
 
     frames: int = 0
     voxels: float = 0.0
@@ -190,9 +190,9 @@ class OptimiseSettings:
 
     facing_weight: float = 1.0  # lambda, m^2
     acceleration: float = 0.5  # delta, 0 .. 1
-    alpha: float = 10.0
+    alpha: float = 10.0  # per m a frame, and per rad a frame
     slow_speed: float = 0.01  # m a frame
-    slow_turn: float = 0.01
+    slow_turn: float = 0.01  # rad a frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,6 +51,11 @@ class Subject:
     gaze: GazeTracks | None  # None: to be estimated
     skeleton: BvhMotion | None
 
+    @property
+    def held(self) -> dict[str, MeshSequence]:
+        """What the subject holds, by part: things with meshes of their own, as a sword."""
+        return {name: part.sequence for name, part in self.parts.items() if isinstance(part, OwnMesh)}
+
 
 Tracks = Mapping[FilePath, JointTracks]
 

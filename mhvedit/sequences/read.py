@@ -33,7 +33,7 @@ def open_capture(
 ) -> MeshSequence:
     """Open a capture; its meshes are read when they are asked for, one by one.
 
-    A folder of numbered .obj .ply .stl .glb .drc files, one .npz (see `contract.md`), or one USD stage with time
+    A folder of numbered .obj .ply .stl .glb .drc files, one .npz (see `docs/scene-file.md`), or one USD stage with time
     samples. Polygons become fans of triangles; duplicate vertices and faces that name a vertex twice are kept (only
     STL, which has no connectivity, gets corners at the same place joined). `units` and `up` are what counts: what
     a USD stage says about itself, and that glTF is y up by definition, is not applied (`inspect_capture` tells).

@@ -114,7 +114,7 @@ def numbered_files(folder: Path) -> dict[int, Path]:
 
 
 class NpzSource:
-    """One .npz as the contract describes it; its arrays are read when the first frame is asked for, and kept."""
+    """One .npz, described in `docs/scene-file.md`; its arrays are read when the first frame is asked for, and kept."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._lock, self._arrays = path, threading.Lock(), dict[str, NDArray[Any]]()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.scene.edit import EditedScene
+from mhvedit.scene.eyes import Eyes
 from mhvedit.search.groups import SolutionGroup
 from mhvedit.search.solve import ReasonMap
 from mhvedit.sequences.meshes import MeshSequence
@@ -24,8 +25,6 @@ class StorySide:
     facing: float = 0.0  # rad, over the segment, in the subject's canonical frame
     part_volume: MotionHistoryVolume | None = None  # canonical frame
     body_volume: MotionHistoryVolume | None = None  # canonical frame
-    eye: FloatArray | None = None  # (3,) m, in the frame that is shown, in the capture's frame
-    gaze: FloatArray | None = None  # (3,) in the frame that is shown, in the capture's frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +69,7 @@ class ReportContent:
     scene: EditedScene | None = None  # None where nothing could be placed
     captures: Mapping[str, MeshSequence] = field(default_factory=dict)  # by subject, and by prop
     things: Mapping[str, Sequence[MeshSequence]] = field(default_factory=dict)  # by subject: own meshes, as swords
+    eyes: Mapping[str, Eyes] = field(default_factory=dict)  # by subject
     check: SceneCheck | None = None
     limit_mm: float | None = None  # how deep bodies may sink into each other
     centres: Mapping[str, FloatArray] = field(default_factory=dict)  # by subject: (N, 2) m, see `trajectories`

@@ -1,26 +1,17 @@
 """Frames of a movie of the edited scene: from a fixed camera, one that goes round, or somebody's eyes."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
 from mhvedit.scene.edit import EditedScene
+from mhvedit.scene.eyes import Eyes
 from mhvedit.sequences.meshes import MeshSequence
 from mhvedit.view.renders import ELEVATION, Size, first_person, frame_picture, prop_meshes, scene_meshes
 from mhvedit.view.studio import UP, Camera, camera_axes, distance_needed, studio
 
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Eyes:
-    """What somebody looks with, in every frame of the scene, in the world."""
-
-    subject: str
-    eye: FloatArray  # (N, 3) m
-    direction: FloatArray  # (N, 3)
 
 
 Cameras = Sequence[Camera] | Eyes  # one for each frame of the scene

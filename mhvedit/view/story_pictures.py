@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista
 
-from mhvedit.geometry.arrays import ByteArray, FloatArray
-from mhvedit.geometry.planar import apply_pose, rotation
+from mhvedit.geometry.arrays import ByteArray
 from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view.captions import webp_bytes
-from mhvedit.view.content import ReportContent, SegmentStory, StorySide
+from mhvedit.view.content import ReportContent, SegmentStory
 from mhvedit.view.renders import (
     Colouring,
     View,
@@ -197,9 +196,10 @@ def _eye_pictures(
     pictures = []
     meshes, props = _pair(content, story, number), _props(content, number)
     for side, other in ((story.a, story.b), (story.b, story.a)):
-        if side.eye is None or side.gaze is None:
+        eyes = content.eyes.get(side.subject)
+        if eyes is None or np.isnan(eyes.eye[number]).any():
             continue
-        eye, gaze = placed_gaze(content, side, number)
+        eye, gaze = eyes.eye[number], eyes.direction[number]
         picture = first_person(
             meshes, eye, gaze, props=props, own=side.subject, half_angle=story.half_angle, plotter=stills
         )
@@ -207,15 +207,6 @@ def _eye_pictures(
         alt = f"{story.name}: what {side.subject} sees in frame {number}, looking towards {other.subject}{ring}"
         pictures.append(as_picture(picture, alt, f"What {side.subject} sees in frame {number}{ring}"))
     return tuple(pictures)
-
-
-def placed_gaze(content: ReportContent, side: StorySide, number: int) -> tuple[FloatArray, FloatArray]:
-    """Eye (3,) m and gaze (3,) in the world."""
-    assert content.scene is not None and side.eye is not None and side.gaze is not None
-    pose = content.scene.subjects[side.subject].placements[number]
-    gaze = np.array(side.gaze, np.float64)
-    gaze[:2] = rotation(pose[2]) @ gaze[:2]
-    return apply_pose(pose, side.eye), gaze
 
 
 def _volume_pictures(content: ReportContent, story: SegmentStory, stills: pyvista.Plotter) -> tuple[Picture, ...]:

@@ -23,7 +23,6 @@ from mhvedit.search.solve import OUTSIDE, ReasonMap
 from mhvedit.sequences.align import TimeLine
 from mhvedit.sequences.meshes import Gaze, MeshSequence
 from mhvedit.view.words import FIRST, LAST
-from mhvedit.volumes.parts import OwnMesh
 
 UNSOLVED = "not solved yet: people stand where their captures begin, apart from each other"
 AT_FIRST = 1.6  # m from A, ahead of her, where B stands before anything is known
@@ -144,7 +143,7 @@ class Material:
 
 def actor_of(person: Person) -> Actor:
     """What the viewer shows of a person."""
-    things = tuple(part.sequence for part in person.subject.parts.values() if isinstance(part, OwnMesh))
+    things = tuple(person.subject.held.values())
     numbers = np.array([number for number in person.sequence.numbers if person.sequence.origin(number) == number])
     return Actor(person.sequence, things, person.gaze, numbers, person.centres)
 

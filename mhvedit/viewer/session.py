@@ -192,7 +192,7 @@ class Session:
         if last is not None and all(
             _searched(decisions, name) == _searched(decisions_of(last.job.scene), name) for name in decisions
         ):
-            result = choose(replace(last, job=job), {})
+            result = choose(replace(last, job=job), {}, workers=self.workers)
         else:
             result = solve(job, workers=self.workers, progress=self._tell, previous=last)
         notes = idle_exclusions(result.job.scene.segments, result.segments, result.people)

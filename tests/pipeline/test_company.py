@@ -10,7 +10,9 @@ import pytest
 from mhvedit import api
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import apply_pose, compose, invert, wrap_angle
+from mhvedit.pipeline import clearing
 from mhvedit.pipeline.assemble import assemble
+from mhvedit.pipeline.depths import Movers
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.measure import measure_scene
 from mhvedit.scene.edit import EditedScene
@@ -223,6 +225,28 @@ def test_paths_give_way(tmp_path: Path) -> None:
         one, other = (own.scene.subjects[name].placements for own in (straight, result.assembly))
         np.testing.assert_array_equal(one[:7], other[:7])
         assert np.abs(np.diff(other - one, 2, axis=0)).max() < 0.05  # no jump
+
+
+def test_what_cannot_be_cleared_keeps_nothing_else_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same, told twice: away from Anna, and right through her, which would take too much."""
+    for name, actor in (("anna", ANNA), ("ben", replace(BEN, walk=(0.1, 0.0)))):
+        write_actor(tmp_path, name, actor)
+    (tmp_path / "scene.toml").write_text(content(more=()))
+    result = api.solve(api.load(tmp_path / "scene.toml"))
+    runs_of = clearing._runs
+
+    def twice(movers: Movers, pair: tuple[str, str], depth: FloatArray) -> list[clearing._Run]:
+        return [replace(run, direction=s * run.direction) for run in runs_of(movers, pair, depth) for s in (-1, 1)]
+
+    monkeypatch.setattr(clearing, "_runs", twice)
+    monkeypatch.setattr(clearing, "FURTHEST", 0.3)
+    again = api.choose(result, {}).assembly
+    assert result.assembly is not None and again is not None and len(again.bends) == 2
+    for name, edit in again.scene.subjects.items():
+        np.testing.assert_array_equal(edit.placements, result.assembly.scene.subjects[name].placements)
+    monkeypatch.setattr(clearing, "FURTHEST", 0.01)
+    stiff = api.choose(result, {}).assembly
+    assert stiff is not None and all(bend.after_mm == bend.before_mm > 100 for bend in stiff.bends)
 
 
 def test_nothing_gives_way_where_nobody_is_too_deep(three: Result) -> None:

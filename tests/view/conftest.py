@@ -6,10 +6,11 @@ import pytest
 
 from mhvedit.constraints.dictionary import InteractionType, Slack, temporal_clauses
 from mhvedit.scene.edit import EditedScene, SegmentEdit, SubjectEdit
+from mhvedit.scene.eyes import eyes_in
 from mhvedit.search.groups import SolutionGroup, solution_group
 from mhvedit.search.poses import pose_grid
 from mhvedit.search.solve import ReasonMap, search_poses
-from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.sequences.meshes import Gaze, MeshSequence
 from mhvedit.view.charts import SceneCheck
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory, StorySide
 from tests.view.shapes import N_FRAMES, PITCH, person, standing, sweep
@@ -65,9 +66,8 @@ def check() -> SceneCheck:
 @pytest.fixture(scope="session")
 def make_story(found: ReasonMap, group: SolutionGroup) -> StoryMaker:
     def make(name: str) -> SegmentStory:
-        gaze = np.array([1.0, 0.0, 0.0])
-        a = StorySide("anna", "hand", (0, 7), 0.0, sweep(1), standing(), np.array([0.15, 0.0, 1.6]), gaze)
-        b = StorySide("ben", "hand", (2, 9), np.pi, sweep(-1), standing(), np.array([0.15, 0.0, 1.6]), gaze)
+        a = StorySide("anna", "hand", (0, 7), 0.0, sweep(1), standing())
+        b = StorySide("ben", "hand", (2, 9), np.pi, sweep(-1), standing())
         chosen = int(group.clearance.argmax())
         return SegmentStory(name, "+&+", a, b, N_FRAMES, found, group, chosen)
 
@@ -90,9 +90,11 @@ def content(
         killed_by="“no contact” rejects all.",
         nearest="The nearest pose misses by 14 mm.",
     )
+    forward = Gaze(np.arange(20), np.tile([0.15, 0.0, 1.6], (20, 1)), np.tile([1.0, 0.0, 0.0], (20, 1)))
+    eyes = {name: eyes_in(name, edit, forward) for name, edit in scene.subjects.items()}
     about = CaptureStory("anna", {"faces": "12"}, "estimated", 0.4, "given", ("watertight <everywhere>",))
     return ReportContent(
-        "a <b>greeting</b>", (make_story("meet"), empty), scene, captures, check=check, limit_mm=30.0,
+        "a <b>greeting</b>", (make_story("meet"), empty), scene, captures, check=check, limit_mm=30.0, eyes=eyes,
         centres={name: np.linspace([0.0, 0.0], [0.4, 0.0], 20) for name in captures}, about=(about,),
         warnings=("ben lies on its side",), settings={"voxel": "50 mm"}, stage_seconds={"search": 2.0},
     )  # fmt: skip

@@ -6,9 +6,10 @@ from numpy.testing import assert_allclose
 
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.scene.edit import EditedScene, SubjectEdit
+from mhvedit.scene.eyes import Eyes
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view import film as filming
-from mhvedit.view.film import Eyes, film, fixed_cameras, orbit_cameras, scene_boxes
+from mhvedit.view.film import film, fixed_cameras, orbit_cameras, scene_boxes
 from mhvedit.view.renders import frame_picture
 from mhvedit.view.studio import UP, VIEW_ANGLE, Camera, camera_axes
 
