@@ -17,7 +17,6 @@ from mhvedit.sequences.looks import Float32Array, Looks
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.sequences.read import USD_SUFFIXES
 
-BODY = "body"
 Tell = Callable[[str, float], None]  # what is being done, share of it that is done
 
 

@@ -29,7 +29,7 @@ from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.glb import DRACO
 from mhvedit.sequences.looks import Float32Array, Looks, Material, web_picture
-from mhvedit.sequences.meshes import Mesh
+from mhvedit.sequences.meshes import BODY, Mesh
 
 Z_UP_IN_Y_UP: Final = [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]  # columns: (x, y, z) -> (x, z, -y)
 SAMPLES: Final = 8  # frames of each piece that are read to estimate the size
@@ -118,7 +118,7 @@ class _Writer:
             self._put_turns(node, shown)
             children.append(node)
             tell(f"meshes of {piece.name}", (done + 1) / len(numbers))
-        name = piece.name if piece.part != "body" else f"{piece.name}.body"
+        name = piece.name if piece.part != BODY else f"{piece.name}.body"
         node = self.file.add("nodes", {"name": name, "children": children})
         self.nodes.setdefault(piece.subject, []).append(node)
         return looks.warnings

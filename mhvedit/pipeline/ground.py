@@ -71,7 +71,7 @@ def ground_clauses(
             if solid.frames.any():
                 found.append(clause(f"{PROP} {name}", solid, other))
     if scene.stage.floor:
-        body = (a, b)[pinned].solids["body"]
+        body = (a, b)[pinned].body
         floor = np.array(scene.stage.floor)
         off = _off_floor(floor, invert(canonical), body.centre[:2], other, scene.window_of(spec))
         if off.frames.any():

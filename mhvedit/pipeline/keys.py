@@ -16,9 +16,8 @@ from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.sight import MutualSight
 from mhvedit.sequences.cache import VERSION as PARSERS
 from mhvedit.sequences.contents import Contents
-from mhvedit.sequences.meshes import JointTracks, MeshSequence
+from mhvedit.sequences.meshes import BODY, JointTracks, MeshSequence
 from mhvedit.volumes.parts import InBox, NearBones, NearTrack, OwnMesh, Part, WithLabel
-from mhvedit.volumes.subject import BODY
 
 # Raise a stage's number when its results change.
 FRAMES: Final = 1

@@ -282,8 +282,7 @@ def check_output(
 def _check_belongs(out: Path, edit: EditedScene, job: Job, people: Mapping[str, Person]) -> None:
     """Refuse an edit whose scene file was changed since in a way that the check would trip over."""
     asked = [
-        (s.name, s.between, segment_pair(job.scene, s, people, job.fps).n_frames, s.interaction.value)
-        for s in job.scene.segments
+        (s.name, s.between, segment_pair(s, people, job.fps).n_frames, s.interaction.value) for s in job.scene.segments
     ]
     there = [(s.name, s.between, s.stop - s.start, s.interaction) for s in edit.segments]
     if asked != there or set(edit.subjects) != set(people):

@@ -64,7 +64,7 @@ def on_stage(
         if scene.stage.pin in names:
             paths = _following(paths, scene.stage.pin)
         elif marks := [mark for mark in scene.stage.marks if mark.subject in names]:
-            paths = _moved(paths, _by_marks(scene, marks, edit, people))
+            paths = _moved(paths, _by_marks(marks, edit, people))
         elif placed or not around.empty:
             paths = _moved(paths, _free_place(names, paths, placed, bodies, around))
         placed |= paths
@@ -98,7 +98,7 @@ def _following(paths: Path, pin: str) -> dict[str, FloatArray]:
     return found
 
 
-def _by_marks(scene: SceneFile, marks: Sequence[Mark], edit: EditedScene, people: Mapping[str, Person]) -> FloatArray:
+def _by_marks(marks: Sequence[Mark], edit: EditedScene, people: Mapping[str, Person]) -> FloatArray:
     """The placement of a group that fits its marks best.
 
     Raises:

@@ -23,12 +23,11 @@ from mhvedit.project.schema import (
 from mhvedit.project.values import dotted, listed, shown, suggestion
 from mhvedit.sequences.axes import to_metres_z_up
 from mhvedit.sequences.contents import Contents
-from mhvedit.sequences.meshes import JointTracks, MeshSequence
+from mhvedit.sequences.meshes import BODY, JointTracks, MeshSequence
 from mhvedit.sequences.read import open_capture
 from mhvedit.sequences.tracks import read_tracks
 from mhvedit.skeleton.bvh import BvhMotion, read_bvh
 from mhvedit.volumes.parts import InBox, NearBones, NearTrack, OwnMesh, Part, WholeBody, WithLabel
-from mhvedit.volumes.subject import BODY
 
 FACING, EYE, TARGET = "facing", "eye", "target"  # joints
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.scene.edit import EditedScene, SubjectEdit
-from mhvedit.scene.pairs import BODY
-from mhvedit.sequences.meshes import Mesh, MeshSequence
+from mhvedit.sequences.meshes import BODY, Mesh, MeshSequence
 
 OWN: Final = 10**9  # number of the mesh that frame 0 of the scene has for itself
 

@@ -3,11 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from mhvedit.errors import MissingFrame, ShapeError
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
+
+BODY: Final = "body"  # the whole captured mesh, as a part and as a solid
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -86,7 +86,6 @@ def first_person(
     props: Sequence[Mesh] = (),
     own: str | None = None,
     half_angle: float | None = None,
-    size: Size = FRAME_SIZE,
     plotter: pyvista.Plotter | None = None,
 ) -> ByteArray:
     """What somebody sees.
@@ -98,7 +97,6 @@ def first_person(
         props: in the world.
         own: whose eye it is: that one's head is left out, and with it what is as near.
         half_angle: of the cone of sight, rad, drawn as a ring.
-        size: of a plotter of its own, where none is given.
         plotter: of `studio`, to draw many pictures with.
 
     Returns:
@@ -109,7 +107,7 @@ def first_person(
     """
     forward = direction / np.linalg.norm(direction)
     up = UP if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
-    with _on(plotter, size) as stage:
+    with _on(plotter, FRAME_SIZE) as stage:
         _set_stage(stage, {name: without_head(m, eye) if name == own else m for name, m in meshes.items()}, props)
         picture = take_picture(stage, Camera(eye, eye + forward, up, EYE_ANGLE, EYE_NEAR))
     if half_angle is None:
@@ -130,7 +128,6 @@ def volume_picture(
     colouring: Colouring = Colouring.TIME,
     bodies: tuple[MotionHistoryVolume, MotionHistoryVolume] | None = None,
     frame: int = -1,
-    size: Size = FRAME_SIZE,
     plotter: pyvista.Plotter | None = None,
 ) -> ByteArray:
     """The two interest volumes of a segment where they meet.
@@ -141,7 +138,6 @@ def volume_picture(
         colouring: by the last frame in which a voxel is filled, or by surface label.
         bodies: of A and B, shown faintly in one frame.
         frame: of the segment, in which the bodies are shown.
-        size: of a plotter of its own, where none is given.
         plotter: of `studio`, to draw many pictures with.
 
     Returns:
@@ -152,7 +148,7 @@ def volume_picture(
     """
     poses = (np.zeros(3), np.asarray(pose, np.float64))
     colours = colours_by_time if colouring is Colouring.TIME else colours_by_label
-    with _on(plotter, size) as stage:
+    with _on(plotter, FRAME_SIZE) as stage:
         width, height = stage.window_size
         empty_stage(stage)
         points = [apply_pose(p, _surface_points(part)) for part, p in zip(parts, poses, strict=True)]

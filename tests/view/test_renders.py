@@ -19,7 +19,7 @@ from mhvedit.view.renders import (
     without_head,
 )
 from mhvedit.view.stage import FLOOR_SIDE, colours_by_label, floor_picture, voxel_faces
-from mhvedit.view.story_pictures import scene_filmstrip, telling_frames
+from mhvedit.view.story_pictures import scene_filmstrip, spread_frames
 from mhvedit.view.studio import Camera, framing, studio
 from mhvedit.view.style import LABELS, rgb
 from mhvedit.volumes.surface import SurfaceLabel
@@ -164,7 +164,7 @@ def test_a_filmstrip_is_one_row_at_one_scale() -> None:
 
 
 def test_the_scene_in_a_row_shows_telling_moments(scene: EditedScene, captures: dict[str, MeshSequence]) -> None:
-    frames = telling_frames(scene, 4)
+    frames = spread_frames(scene, 4)
     assert len(frames) == len(set(frames)) == 4
     assert set(frames) & {2, 9, 11, 18}
     assert scene_filmstrip(scene, captures, 3).ndim == 3
