@@ -23,7 +23,7 @@ from mhvedit.volumes.parts import InBox, NearBones, NearTrack, OwnMesh, Part, Wi
 FRAMES: Final = 1
 VOLUMES: Final = 1
 CONTACT: Final = 3
-BODIES: Final = 4
+BODIES: Final = 5
 SIGHT: Final = 4
 CENTRES: Final = 1
 GROUP: Final = 3
