@@ -16,6 +16,7 @@ from mhvedit.export.usd_library import describe_stage, identifier, pxr, writing
 from mhvedit.export.usd_meshes import PieceWriter
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.sequences.axes import to_metres_z_up
+from mhvedit.sequences.contents import stamp_of
 from mhvedit.sequences.read import USD_SUFFIXES
 
 VERSION: Final = 1  # of the form of assets; raise it when it changes
@@ -141,10 +142,10 @@ def _root_name(piece: Piece) -> str:
 
 
 def _signature(piece: Piece) -> str:
-    """Changes when the capture does: its files, pictures among them, by name, size and time; frames, rate and axes."""
+    """Changes when the capture does: its files, pictures among them, by name and state; frames, rate and axes."""
     made = set(piece.sequence.files if piece.sequence.made_of else ())  # stopped meshes are in another folder
-    found = sorted({*piece.path.iterdir(), *made}) if piece.path.is_dir() else piece.sequence.files
-    files = [(file.name, (stat := file.stat()).st_size, stat.st_mtime_ns) for file in found if file.is_file()]
+    found = sorted({*piece.path.rglob("*"), *made}) if piece.path.is_dir() else piece.sequence.files
+    files = [(file.name, stamp_of(file)) for file in found if file.is_file()]
     what = (VERSION, files, piece.sequence.numbers, piece.sequence.fps, piece.units, piece.up)
     return hashlib.blake2b(repr(what).encode(), digest_size=16).hexdigest()
 

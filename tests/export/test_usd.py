@@ -99,10 +99,13 @@ def test_copies_are_made_once_and_again_when_the_capture_changes(captures: Path,
     assert edit(other, tmp_path / "two.usda").kept == (copy,) and copy.stat().st_mtime_ns == before
     check_usd(other, tmp_path / "two.usda")
     check_usd(scene, tmp_path / "one.usda")
-    shutil.copyfile(folder / "n_7.obj", folder / "n_3.obj")
-    os.utime(folder / "n_3.obj", ns=(1, 1))
-    assert edit(scene, tmp_path / "one.usda").kept == ()
-    check_usd(scene, tmp_path / "one.usda")
+    for donor in ("n_7.obj", None):
+        state, content = (folder / "n_3.obj").stat(), (folder / "n_3.obj").read_text()
+        new = content.replace("1", "2", 1) if donor is None else (folder / donor).read_text()
+        (folder / "n_3.obj").write_text(new)
+        os.utime(folder / "n_3.obj", ns=(state.st_atime_ns, state.st_mtime_ns))
+        assert edit(scene, tmp_path / "one.usda").kept == ()
+        check_usd(scene, tmp_path / "one.usda")
 
 
 @pytest.mark.parametrize("foreign", ["text", "stage"])
