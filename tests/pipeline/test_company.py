@@ -113,6 +113,21 @@ def test_two_pairs_share_a_stage(tmp_path: Path) -> None:
     assert len(strangers) == 4 and all(pair.deepest == 0 for pair in strangers)
 
 
+def test_how_strangers_stand_does_not_depend_on_their_captures(tmp_path: Path) -> None:
+    stands = []
+    for n, moved in enumerate(
+        [{}, {"anna": (1.31, -0.24, 2.4)}, {"carl": (4.13, 1.07, -0.4), "dora": (1.0, 0.0, 2.0)}]
+    ):
+        cast = {"anna": ANNA, "ben": BEN, "carl": CARL, "dora": DORA}
+        cast = {name: replace(actor, place=moved.get(name, actor.place)) for name, actor in cast.items()}
+        result = solve(tmp_path / str(n), content(lower("carl", "dora"), more=("carl", "dora")), **cast)
+        poses = {name: compose(edit_of(result).subjects[name].placements[0], result.people[name].pose) for name in cast}
+        stands.append([compose(invert(poses["anna"]), pose) for pose in poses.values()])
+    away = np.array(stands) - stands[0]
+    np.testing.assert_allclose(away[..., :2], 0, atol=1e-6)
+    np.testing.assert_allclose(wrap_angle(away[..., 2]), 0, atol=1e-6)
+
+
 # The stage
 
 
