@@ -16,8 +16,8 @@ from mhvedit.sequences.meshes import Mesh, MeshSequence
 def centred(scene: ExportScene) -> ExportScene:
     """The same scene, told otherwise: captures far from the origin without an offset, which their placements have.
 
-    The offset is where the subject's body is in the first frame of its capture, in whole metres in plan; what the subject
-    holds has the same. A scene of captures near the origin is handed back as it is.
+    The offset is where the subject's body is in the first frame of its capture, in whole metres in plan; what the
+    subject holds has the same. A scene of captures near the origin is handed back as it is.
     """
     offsets = {name: round_offset(place) for name, place in _middles(scene).items()}
     if not any(offset.any() for offset in offsets.values()):

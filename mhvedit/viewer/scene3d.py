@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonCore import VTK_INT
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
-from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import FAR, middle_in_plan, round_offset, without_offset
 from mhvedit.geometry.planar import apply_pose, compose, rotation
 from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.sequences.meshes import Mesh
@@ -36,7 +36,7 @@ Volumes = tuple[MotionHistoryVolume, MotionHistoryVolume]  # A's and B's interes
 PATH_HEIGHT = 0.012  # m above the floor
 PROP = "prop "  # and its name: of actors
 STILL_SAMPLES = 8  # of a still picture's edges; none while it plays, which is what software rendering can do
-FAR = 60.0  # m
+FURTHEST = 60.0  # m, what is further off is not seen
 EMPTY_STAGE = Camera(np.array([0.0, -6.0, 2.0]), np.array([0.0, 0.0, 0.8]), UP)
 
 
@@ -104,13 +104,13 @@ class Scene3D:
 
     def _settle(self, state: ViewerState) -> None:
         """Move the stage's origin along with a scene that is far from it: graphics are float32."""
-        moved = round_offset(middle_of(state) - self.origin)
-        if not moved.any():
+        middle = middle_of(state)
+        if np.hypot(*(middle - self.origin)) <= FAR:
             return
-        self.origin = self.origin + moved
+        before, self.origin = self.origin, round_offset(middle)
         for key in list(self.extras):
             self._remove(key)
-        lens, step = self.plotter.camera, np.array([*moved, 0.0])
+        lens, step = self.plotter.camera, np.array([*(self.origin - before), 0.0])
         lens.position = tuple(np.array(lens.position) - step)
         lens.focal_point = tuple(np.array(lens.focal_point) - step)
 
@@ -347,7 +347,7 @@ def set_camera(plotter: pyvista.Plotter, camera: Camera) -> None:
     lens = plotter.camera
     lens.position, lens.focal_point, lens.up = tuple(camera.eye), tuple(camera.target), tuple(camera.up)
     lens.view_angle = camera.view_angle
-    lens.clipping_range = (camera.near, FAR)
+    lens.clipping_range = (camera.near, FURTHEST)
 
 
 def matrix(pose: FloatArray) -> FloatArray:
