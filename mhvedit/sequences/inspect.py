@@ -283,5 +283,5 @@ def _place_warnings(summary: CaptureSummary) -> Iterator[str]:
     if away > FAR_AWAY:
         yield (
             f"lies {away / 1000:.3g} km from the origin, where most programs are coarse: "
-            f"take ({x:.0f}, {y:.0f}) m off its x and y (metres, z up)"
+            f"take ({round(x, -2):.0f}, {round(y, -2):.0f}) m off its x and y (z up)"
         )

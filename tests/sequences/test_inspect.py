@@ -54,8 +54,7 @@ def test_a_subject_too_small(tmp_path: Path) -> None:
 def test_a_capture_far_from_the_origin(tmp_path: Path) -> None:
     path = folder(tmp_path, PERSON.copy().apply_translation((500000, -300000, 0)))
     assert warnings(path) == [
-        "lies 583 km from the origin, where most programs are coarse: "
-        "take (500000, -300000) m off its x and y (metres, z up)"
+        "lies 583 km from the origin, where most programs are coarse: take (500000, -300000) m off its x and y (z up)"
     ]
     assert "\n  ! anna: lies 583 km from the origin" in as_text(inspect_capture(path, name="anna"))
 
