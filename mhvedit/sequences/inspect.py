@@ -1,8 +1,10 @@
 """What a capture is: frames, rate, size, axes, and how sound its meshes are; with sentences about what looks wrong."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +18,8 @@ from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.read import ASSUMED_FPS, load_raw, open_source
 from mhvedit.sequences.sources import FrameSource
 from mhvedit.sequences.usd import UsdSource
+
+FAR_AWAY: Final = 1000.0  # m from the origin, from which on a capture is warned of
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,11 @@ class CaptureSummary:
         """Lowest and highest coordinates over all measured frames."""
         low, high = _limits(self.frames)
         return tuple(low.min(0).tolist()), tuple(high.max(0).tolist())
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """The middle of the bounds."""
+        return tuple((np.array(self.bounds[0]) + self.bounds[1]) / 2)
 
     @property
     def height(self) -> float:
@@ -240,18 +249,7 @@ def _bit_text(summary: CaptureSummary) -> str:
 
 def capture_warnings(summary: CaptureSummary) -> tuple[str, ...]:
     """What looks wrong with a capture, in sentences that say what to do about it; most serious first."""
-    s, said = summary, list[str]()
-    low, _ = _limits(s.frames)
-    wrong_units, wrong_up = s.likely_units != s.units, s.likely_up != s.up
-    if wrong_units:
-        tall = f"{s.height:.3g} m tall" if s.height > 0.8 * s.size else f"{s.size:.3g} m long"
-        said.append(f'{tall}: are its units {s.likely_units}? (units = "{s.likely_units}")')
-    elif wrong_up:
-        said.append(f'lies on its side, {s.height:.2f} m high: is its up axis {s.likely_up}? (up = "{s.likely_up}")')
-    elif low[:, 2].min() > 0.1:
-        said.append(f"stands {low[:, 2].min():.2g} m above the floor (z = 0) in every frame")
-    elif low[:, 2].max() < -0.1:
-        said.append(f"reaches {-low[:, 2].max():.2g} m below the floor (z = 0) in every frame")
+    s, said = summary, list(_place_warnings(summary))
     if s.gaps:
         said.append(f"frames {_gap_text(s.gaps)}")
     if s.fps_from == "assumed":
@@ -265,3 +263,25 @@ def capture_warnings(summary: CaptureSummary) -> tuple[str, ...]:
     if s.missing_textures:
         said.append(f"{len(s.missing_textures)} texture files are missing, first {s.missing_textures[0]}")
     return tuple(f"{s.name}: {sentence}" for sentence in said)
+
+
+def _place_warnings(summary: CaptureSummary) -> Iterator[str]:
+    """What looks wrong with units, up axis and place."""
+    s, (low, _) = summary, _limits(summary.frames)
+    x, y, _ = s.middle
+    away = float(np.hypot(x, y))
+    if s.likely_units != s.units:
+        tall = f"{s.height:.3g} m tall" if s.height > 0.8 * s.size else f"{s.size:.3g} m long"
+        yield f'{tall}: are its units {s.likely_units}? (units = "{s.likely_units}")'
+        return
+    if s.likely_up != s.up:
+        yield f'lies on its side, {s.height:.2f} m high: is its up axis {s.likely_up}? (up = "{s.likely_up}")'
+    elif low[:, 2].min() > 0.1:
+        yield f"stands {low[:, 2].min():.2g} m above the floor (z = 0) in every frame"
+    elif low[:, 2].max() < -0.1:
+        yield f"reaches {-low[:, 2].max():.2g} m below the floor (z = 0) in every frame"
+    if away > FAR_AWAY:
+        yield (
+            f"lies {away / 1000:.3g} km from the origin, where most programs are coarse: "
+            f"take ({round(x, -2):.0f}, {round(y, -2):.0f}) m off its x and y (z up)"
+        )

@@ -9,6 +9,7 @@ import pyvista
 from skimage.measure import marching_cubes
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
+from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.scene.edit import EditedScene, placed_mesh, placed_prop
 from mhvedit.sequences.meshes import Mesh, MeshSequence, joined
@@ -74,8 +75,8 @@ def frame_picture(
     with _on(plotter, size) as stage:
         width, height = stage.window_size
         camera = view if isinstance(view, Camera) else camera_of(view, meshes, aspect=width / height)
-        _set_stage(stage, meshes, props)
-        return take_picture(stage, camera)
+        offset = _set_stage(stage, meshes, props)
+        return take_picture(stage, camera.moved(-offset))
 
 
 def first_person(
@@ -108,8 +109,9 @@ def first_person(
     forward = direction / np.linalg.norm(direction)
     up = UP if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
     with _on(plotter, FRAME_SIZE) as stage:
-        _set_stage(stage, {name: without_head(m, eye) if name == own else m for name, m in meshes.items()}, props)
-        picture = take_picture(stage, Camera(eye, eye + forward, up, EYE_ANGLE, EYE_NEAR))
+        shown = {name: without_head(m, eye) if name == own else m for name, m in meshes.items()}
+        offset = _set_stage(stage, shown, props)
+        picture = take_picture(stage, Camera(eye, eye + forward, up, EYE_ANGLE, EYE_NEAR).moved(-offset))
     if half_angle is None:
         return picture
     return ringed(picture, np.tan(half_angle) / np.tan(np.radians(EYE_ANGLE) / 2) * picture.shape[0] / 2)
@@ -298,16 +300,24 @@ def _on(plotter: pyvista.Plotter | None, size: Size) -> Iterator[pyvista.Plotter
         yield own
 
 
-def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh], props: Sequence[Mesh] = ()) -> None:
+def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh], props: Sequence[Mesh] = ()) -> FloatArray:
+    """Put everything on the stage, without a round offset where it is far from the origin; returns that, (3,) m."""
     empty_stage(stage)
+    offset = round_offset(middle_in_plan(np.concatenate([mesh.vertices for mesh in meshes.values()])))
+    people, things = [_without(mesh, offset) for mesh in meshes.values()], [_without(mesh, offset) for mesh in props]
     colours = subject_colours(list(meshes))
-    for name, mesh in meshes.items():
+    for name, mesh in zip(meshes, people, strict=True):
         add_person(stage, mesh, colours[name])
-    for mesh in props:
+    for mesh in things:
         add_prop(stage, mesh)
-    clouds = [mesh.vertices for mesh in meshes.values()]
+    clouds = [mesh.vertices for mesh in people]
     middle = np.concatenate(clouds)[:, :2].mean(0)
-    add_floor(stage, middle, clouds + [mesh.vertices for mesh in props])
+    add_floor(stage, middle, clouds + [mesh.vertices for mesh in things])
+    return np.array([*offset, 0.0])
+
+
+def _without(mesh: Mesh, offset: FloatArray) -> Mesh:
+    return Mesh(without_offset(mesh.vertices, offset), mesh.faces)
 
 
 def _apart(meshes: Mapping[str, Mesh]) -> FloatArray:
