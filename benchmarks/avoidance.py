@@ -1,11 +1,13 @@
 """Measure avoidance on the shared motions and write the tables of docs/avoidance_results.md.
 
-    python benchmarks/avoidance.py [--motions NAME ...] [--methods METHOD ...] [-o docs/avoidance_results.md]
+    python -m benchmarks.avoidance [--motions NAME ...] [--methods METHOD ...] [-o docs/avoidance_results.md]
+    python -m benchmarks.avoidance --kernels
 
 Times are those of one run on one machine; ratios within it say more than the numbers.
 """
 
 import argparse
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -16,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from benchmarks.process import run
 from mhvedit.avoidance.kalman import Effectors, FilterSettings, resolve, resolve_effectors
 from mhvedit.avoidance.methods import Avoided, Problem
 from mhvedit.avoidance.metrics import Metrics, measure
@@ -40,10 +43,12 @@ from tests.collision import independent
 
 ROOT = Path(__file__).resolve().parents[1]
 MOTIONS = ROOT.parent / "shared" / "data" / "motions"
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # more only wait for each other at this size
+KERNELS = "All on one thread, NumPy's and SciPy's linear algebra too.\n\n"
 SCENES = "By bisection, on a figure of 55 degrees of freedom in capsules.\n\n"
 HEAD = """# Avoidance, measured
 
-Made by `python benchmarks/avoidance.py`; how it works is told in [avoid](avoid.md).
+Made by `python -m benchmarks.avoidance`; how it works is told in [avoid](avoid.md).
 
 - *colliding*: frames in which a pair of limbs is more than 4 mm deeper in each other than at rest (a collision is 5 mm:
   the last millimetre is for other ways to measure).
@@ -80,19 +85,24 @@ def main() -> None:
     parser.add_argument("--motions", nargs="*", default=sorted(path.stem for path in MOTIONS.glob("*.npz")))
     parser.add_argument("--methods", nargs="*", default=[method.value for method in Method])
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "docs" / "avoidance_results.md")
+    parser.add_argument("--kernels", action="store_true", help="print the table of one frame, and no more")
     chosen = parser.parse_args()
+    if chosen.kernels:
+        print(kernel_table(), end="")
+        return
     scenes = motion_table([run_scene(name, problem) for name, problem in thesis_scenes()])
     rest = "\n## The thesis's scenes\n" + SCENES + scenes + "\n" + weapon_gaps()
-    rest += "\n## One frame, beside other libraries\n" + kernel_table()
+    rest += "\n## One frame, beside other libraries\n" + KERNELS
+    rest += run(sys.executable, "-m", "benchmarks.avoidance", "--kernels", env=ONE_THREAD).output
     rows = list[Row]()
     for method in chosen.methods:
         for name in chosen.motions:
-            rows.append(run(name, Method(method)))
+            rows.append(run_motion(name, Method(method)))
             text = HEAD + "## Captured motions\n" + motion_table(sorted(rows, key=lambda row: row.motion)) + rest
             chosen.out.write_text(text, encoding="utf-8")  # what is known so far: the whole takes a while
 
 
-def run(name: str, method: Method) -> Row:
+def run_motion(name: str, method: Method) -> Row:
     """One captured motion by one method."""
     path = MOTIONS / f"{name}.npz"
     skinned = read_skinned(path)

@@ -1,4 +1,4 @@
-"""Self-collision in one run beside pinocchio with coal, python-fcl, filterpy and SLSQP: one frame, and whole motions.
+"""Detection of self-collision in one run beside pinocchio with coal and python-fcl: one frame, and whole motions.
 
     python -m benchmarks.collision [MOTIONS] [--sampled] [--write]
 
@@ -21,7 +21,6 @@ import fcl
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.avoidance import kernel_table
 from mhvedit.collision.detect import CollisionBody, collision_body, measure_depths, surfaces_cross
 from mhvedit.collision.pairs import all_pairs
 from mhvedit.collision.reachable import meeting_rates, random_postures, safely_reachable_pairs
@@ -36,7 +35,8 @@ HEAD = """# Detection of self-collision, measured
 Made by `python -m benchmarks.collision --sampled --write`: all libraries in one run, in turn for each posture, one
 thread, the same 231 pairs of rigid limbs that are not adjacent; *answers differ* counts pairs of postures, away from
 borders that limbs share, in which a library says otherwise than mhvedit. Depths are of skinned limbs. Times are those
-of one machine.
+of one machine. What follows on detection is measured in
+[avoidance](avoidance_results.md#one-frame-beside-other-libraries).
 
 """
 Detector = Callable[[FloatArray], BoolArray]  # (D,) to (P,)
@@ -63,7 +63,6 @@ def print_tables() -> None:
     print(f"\n{'whole motion':28} {'frames':>7} {'frames/s, crossing':>20} {'frames/s, depth':>17}")
     for name, motion in motions.items():
         print(f"{name:28} {motion.motion.n_frames:7} {throughput(motion)}")
-    print(f"\nWhat follows on detection in one frame: the filter and posture prediction\n{kernel_table()}")
     if "--sampled" in sys.argv:
         reachability(first, 100_000)
 

@@ -53,7 +53,8 @@ class FftSearch:
         Args:
             clauses: constraints, in the order in which they are to be blamed.
         """
-        alive = np.stack([self.grid.inside(int(k)) for k in self.yaws])
+        x, y = self.grid.reach()
+        alive = np.asarray(x[self.yaws, :, None] & y[self.yaws, None])
         reason = np.where(alive, ACCEPTED, OUTSIDE).astype(np.uint8)
         for number, clause in enumerate(clauses, start=len(BASE_REASONS)):
             passed = np.zeros_like(alive)

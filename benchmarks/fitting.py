@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from benchmarks.facing import read_motion
 from mhvedit.fitting.capture import CaptureFit, fit_capture
@@ -26,6 +25,7 @@ from mhvedit.sequences.bodies import track_body
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.sequences.read import open_capture
 from mhvedit.sequences.tracks import read_tracks
+from tests.shapes import boxes
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
@@ -86,9 +86,9 @@ def real_cases() -> list[Case]:
 def wrong_cases() -> list[Case]:
     """Things that are no person, more than one, or half of one."""
     legs = [((x, y, 0.35), (0.06, 0.06, 0.7)) for x in (-0.62, 0.62) for y in (-0.32, 0.32)]
-    table = _boxes(((0.0, 0.0, 0.72), (1.4, 0.8, 0.05)), *legs)
-    chair = _boxes(((0.0, 0.0, 0.45), (0.45, 0.45, 0.05)), ((-0.2, 0.0, 0.7), (0.05, 0.45, 0.5)))
-    column = _boxes(((0.0, 0.0, 0.85), (0.4, 0.4, 1.7)))
+    table = boxes(((0.0, 0.0, 0.72), (1.4, 0.8, 0.05)), *legs)
+    chair = boxes(((0.0, 0.0, 0.45), (0.45, 0.45, 0.05)), ((-0.2, 0.0, 0.7), (0.05, 0.45, 0.5)))
+    column = boxes(((0.0, 0.0, 0.85), (0.4, 0.4, 1.7)))
     cases = [_case(name, (mesh, mesh)) for name, mesh in (("table", table), ("chair", chair), ("column", column))]
     for scene in ("greeting", "salsa_open", "pushup_grab"):
         a, b = (open_capture(SHARED / "scenes" / scene / who, name=who, fps=25) for who in "ab")
@@ -103,17 +103,6 @@ def wrong_cases() -> list[Case]:
 
 def _case(name: str, meshes: tuple[Mesh, ...]) -> Case:
     return Case(name, MeshSequence(name, tuple(range(len(meshes))), 25.0, meshes.__getitem__), None)
-
-
-def _boxes(*parts: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Mesh:
-    """Boxes of centres and sizes, m."""
-    made = []
-    for centre, size in parts:
-        box = trimesh.creation.box(extents=size).subdivide_to_size(0.04)
-        box.apply_translation(centre)
-        made.append(box)
-    whole = trimesh.util.concatenate(made)
-    return Mesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32))
 
 
 def _joined(a: Mesh, b: Mesh, pose: FloatArray) -> Mesh:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.targets import table
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.planar import apply_pose, invert, rotation, wrap_angle
 from mhvedit.optimise.stages import pose_codes
@@ -43,7 +44,7 @@ INTRODUCTION = """# Results
 
 Five takes of two people who were motion-captured together, dressed in body models, meshed anew in every frame and
 then pulled apart: own world frame, own speed, own start. The true pose is known only to the judge, a program that
-shares no code with mhvedit. Made by `python benchmarks/results.py`; facing and gaze are estimated from the meshes.
+shares no code with mhvedit. Made by `python -m benchmarks.results`; facing and gaze are estimated from the meshes.
 
 - *nearest*: how far the nearest solution of the group is from the truth, at B's hips: does the truth pass?
 - *chosen*: how far the solution that the chain chose is from the truth.
@@ -196,11 +197,6 @@ def facing_tables() -> str:
     """What benchmarks/facing.py measures."""
     run = [sys.executable, str(ROOT / "benchmarks" / "facing.py"), "--markdown"]
     return subprocess.run(run, check=True, capture_output=True, text=True).stdout.strip()
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table in Markdown."""
-    return ["| " + " | ".join(row) + " |" for row in [header, ["---"] * len(header), *rows]]
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Measure the paper's scenes of a driven body in a world, frame by frame, and what each solver stage adds.
 
-    python benchmarks/world.py [--frames 600] [-o docs/world_results.md]
+    python -m benchmarks.world [--frames 600] [-o FILE]
 
 A line a scene: median and 95th percentile of a frame on one core without rendering, the deepest overlap that was left
 and the frames that were stuck, beside the paper's own time for the same stages (1.7 GHz Xeon) and beside MuJoCo, which

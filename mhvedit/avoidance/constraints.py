@@ -134,11 +134,6 @@ class SkinPoints:
         if self.weights.shape != self.joints.shape or self.points.shape != (*self.joints.shape, 3):
             raise ShapeError("skin points", self.points.shape, (*self.joints.shape, 3))
 
-    @property
-    def main_joints(self) -> IntArray:
-        """(K,) the joint that carries most of each point."""
-        return np.asarray(self.joints[np.arange(len(self.joints)), self.weights.argmax(1)])
-
     def terms(self, placed: Placed) -> FloatArray:
         """(K, M, 3) m, where each joint alone would have the points."""
         turned = np.einsum("kmij,kmj->kmi", placed.rotations[self.joints], self.points)

@@ -285,7 +285,7 @@ def _resolve_frame(
         if least <= numbers[4] or step == iterations:
             return least, step
         rows = np.flatnonzero(held) if mode == 1 else np.zeros(0, np.int64)
-        change = _update(tree, axes, positions, at, free, moves, targets, rows, pose, limits, numbers)
+        change = _update(tree, axes, positions, at, free, moves, targets, rows, numbers)
         for d in range(n):
             pose[d] += change[d]
             if free[d] > 0 and (pose[d] < limits[d, 0] or pose[d] > limits[d, 1]):
@@ -306,8 +306,6 @@ def _update(
     moves: BoolArray,
     targets: FloatArray,
     rows: IntArray,
-    pose: FloatArray,
-    limits: FloatArray,
     numbers: tuple[float, float, float, float, float],
 ) -> FloatArray:
     """(D,) change of the pose by one unscented update; `rows` are DOFs measured at the limit where they are."""

@@ -1,6 +1,5 @@
 """A motion in, a motion without self-collision out: the methods, with the same problem and the same result."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ LIKENESS = 0.6  # rad or m: a posture that differs more from the captured one is
 RESERVE = 0.0015  # m: frames are worked on until they are free by this much
 STEP_SHARE = 0.3  # of the largest captured step
 TASK_SLACK = 3e-3  # m: tasks count as kept
-KEY_EVERY = 15  # frames between the key frames that Nebel's method starts from
+KEY_EVERY = 15  # frames between the key frames that Nebel's method starts from: half a second at 30 Hz
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,19 +77,18 @@ def avoid_by_bisection(problem: Problem, *, settings: BisectionSettings | None =
     return _avoided(problem, found)
 
 
-def avoid_like_nebel(problem: Problem, *, keys: Sequence[int] | None = None) -> Avoided:
+def avoid_like_nebel(problem: Problem) -> Avoided:
     """Nebel's key frames with sub-keys at the first collision of each interval, as a baseline.
 
     Args:
         problem: what to solve.
-        keys: key frames; one every half second at 30 Hz by default.
     """
     found = check_and_correct(
         problem.captured.q,
         predict=lambda frame, q, away: predict_frame(problem, frame, q, away=away),
         collides=lambda frames, q: _collide(problem, q),
         limits=problem.limits,
-        keys=range(0, problem.captured.n_frames, KEY_EVERY) if keys is None else keys,
+        keys=range(0, problem.captured.n_frames, KEY_EVERY),
     )
     return _avoided(problem, found)
 

@@ -57,8 +57,8 @@ def plane_normals(pair: FloatArray) -> FloatArray:
     return np.where(length > AT_REST, step / np.maximum(length, AT_REST), np.nan)
 
 
-def path_planes(skeleton: Skeleton, *, elbows: bool = True, wrists: bool = True) -> PathPlanes:
+def path_planes(skeleton: Skeleton, *, wrists: bool = True) -> PathPlanes:
     """Planes for the elbows and the wrists of a body, each with its own position and direction."""
-    wanted = (ELBOWS if elbows else ()) + (WRISTS if wrists else ())
+    wanted = ELBOWS + (WRISTS if wrists else ())
     joints = [joint for joint, role in enumerate(joint_roles(skeleton.names)) if role in wanted]
     return PathPlanes(skeleton, np.array(joints, np.int64))

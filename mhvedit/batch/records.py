@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from mhvedit import __version__
+from mhvedit.errors import MhveditError
 from mhvedit.pipeline.output import CACHE, write_json
 from mhvedit.pipeline.run import VERSION
 from mhvedit.pipeline.store import hashed
 from mhvedit.project.schema import FilePath, SceneFile
 from mhvedit.sequences.contents import Contents
+from mhvedit.sequences.read import USD_SUFFIXES
+from mhvedit.sequences.usd import stage_files
 
 RECORDS = f"{CACHE}/batch"
 
@@ -30,9 +33,21 @@ class Inputs:
 
     def _of(self, path: Path) -> str:
         if path not in self.known:
-            files = [path] if path.is_file() else sorted(file for file in path.rglob("*") if file.is_file())
+            files = _files_in(path)
             self.known[path] = self.contents.of(files) + hashed([file.name for file in files])
         return self.known[path]
+
+
+def _files_in(path: Path) -> list[Path]:
+    """All files of a folder, or a file with all that it is read together with."""
+    if not path.is_file():
+        return sorted(file for file in path.rglob("*") if file.is_file())
+    if path.suffix.lower() not in USD_SUFFIXES:
+        return [path]
+    try:
+        return list(stage_files(path))
+    except MhveditError:  # told where the scene is solved
+        return [path]
 
 
 def named_paths(value: object) -> Iterator[Path]:

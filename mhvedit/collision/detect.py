@@ -66,7 +66,7 @@ class TriangleContacts:
     segments: FloatArray  # (K, 2, 3) m, ends of what they have in common
 
 
-def collision_body(body: SkinnedBody, *, pairs: LimbPairs | None = None, fold: float = FOLD) -> CollisionBody:
+def collision_body(body: SkinnedBody, *, pairs: LimbPairs | None = None) -> CollisionBody:
     """Prepare a body: limbs, boxes and depths at rest.
 
     Where two limbs share a border (arm and chest at the armpit, thigh and belly at the groin) skin folds whenever the
@@ -76,7 +76,6 @@ def collision_body(body: SkinnedBody, *, pairs: LimbPairs | None = None, fold: f
     Args:
         body: skinned.
         pairs: which limbs to test; default all that are not adjacent.
-        fold: m, how near; 0 for vertices on the border alone.
     """
     limbs = limbs_of(body)
     chosen = non_adjacent_pairs(limbs) if pairs is None else pairs
@@ -93,18 +92,18 @@ def collision_body(body: SkinnedBody, *, pairs: LimbPairs | None = None, fold: f
         body.vertices,
         *sparse_weights(body.weights),
     )
-    exempt = _exempt(body, limbs, fold)
+    exempt = _exempt(body, limbs)
     unrated = CollisionBody(body, limbs, chosen, arrays, limbs.local, exempt, np.zeros(len(chosen.limbs)))
     rest = measure_depths(unrated, np.zeros((1, tree.n_dofs)), workers=1).depth[0]
     return CollisionBody(body, limbs, chosen, arrays, limbs.local, exempt, rest)
 
 
-def _exempt(body: SkinnedBody, limbs: Limbs, fold: float) -> BoolArray:
+def _exempt(body: SkinnedBody, limbs: Limbs) -> BoolArray:
     """(L, N) which vertices do not count inside which limb; middles of holes never do."""
     exempt = np.zeros((limbs.n_limbs, len(limbs.local)), np.bool_)
     places = body.skeleton.rest_positions[limbs.arrays.joints]
     for a, b in np.argwhere(limbs.bordering):
-        mark_fold(limbs.arrays, limbs.local, places, a, b, fold, exempt[a])
+        mark_fold(limbs.arrays, limbs.local, places, a, b, FOLD, exempt[a])
     exempt[:, limbs.arrays.vertex < 0] = True
     return exempt
 

@@ -91,7 +91,7 @@ def filled_with_spheres(solid: Mesh, count: int, *, cover: float = 1.0) -> Filli
     return Filling(centres[kept], np.array(radii)[kept])
 
 
-def filled_one_by_one(meshes: Sequence[Mesh], count: int, *, cover: float = 1.0) -> Filling:
+def filled_one_by_one(meshes: Sequence[Mesh], count: int) -> Filling:
     """Each mesh filled by itself, with its share of the spheres by volume and at least one (B4.3).
 
     Raises:
@@ -99,7 +99,7 @@ def filled_one_by_one(meshes: Sequence[Mesh], count: int, *, cover: float = 1.0)
     """
     volumes = np.array([abs(_volume(mesh)) for mesh in meshes])
     counts = np.maximum(1, np.round(count * volumes / volumes.sum()).astype(int))
-    parts = [filled_with_spheres(mesh, int(n), cover=cover) for mesh, n in zip(meshes, counts, strict=True)]
+    parts = [filled_with_spheres(mesh, int(n)) for mesh, n in zip(meshes, counts, strict=True)]
     return Filling(np.concatenate([p.centres for p in parts]), np.concatenate([p.radii for p in parts]))
 
 

@@ -153,11 +153,11 @@ def measure_all(
             crossing[frame, p] = _first_crossing(limbs, posture, a, b, r, t, found)
             deepest, v = _deepest(limbs, posture, exempt, b, a, r, t, 0.0, nearest)
             if v >= 0:
-                _set_contact(limbs, posture, v, b, a, nearest, -1.0, point[frame, p], normal[frame, p])
+                _set_contact(posture, v, b, a, nearest, -1.0, point[frame, p], normal[frame, p])
             r, t = relative(posture.turns, posture.places, b, a)
             deeper, w = _deepest(limbs, posture, exempt, a, b, r, t, deepest, nearest)
             if w >= 0:
-                _set_contact(limbs, posture, w, a, b, nearest, 1.0, point[frame, p], normal[frame, p])
+                _set_contact(posture, w, a, b, nearest, 1.0, point[frame, p], normal[frame, p])
                 deepest, v, first_inside[frame, p] = deeper, w, True
             if v >= 0:
                 depth[frame, p], vertex[frame, p] = deepest, limbs.vertex[v]
@@ -255,7 +255,6 @@ def mark_fold(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _set_contact(
-    limbs: LimbArrays,
     posture: Posture,
     vertex: int,
     inner: int,

@@ -64,6 +64,7 @@ def _tell(made: "Exported", json_: bool) -> None:
         say(f"warning: {sentence}")
     if json_:
         kept = [str(path) for path in made.kept]
-        print(json.dumps({"written": str(made.written), "kept": kept, "warnings": list(made.warnings)}, indent=1))
+        told = {"written": str(made.written), "kept": kept, "warnings": list(made.warnings), "offset": made.offset}
+        print(json.dumps(told, indent=1))
     else:
         print(f"written to {made.written}")

@@ -17,7 +17,6 @@ from mhvedit.sequences.looks import Float32Array, Looks
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.sequences.read import USD_SUFFIXES
 
-BODY = "body"
 Tell = Callable[[str, float], None]  # what is being done, share of it that is done
 
 
@@ -32,6 +31,7 @@ class Piece:
     path: Path  # of the capture
     units: str  # of the capture on disk
     up: str  # of the capture on disk
+    offset: tuple[float, float] = (0.0, 0.0)  # m, x and y, that `sequence` is without: see `export.far`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +79,7 @@ class Exported:
     written: Path
     kept: tuple[Path, ...] = ()  # files of an earlier export that are used again
     warnings: tuple[str, ...] = ()
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, z up, that was taken off the world's coordinates
 
 
 def check_frames(scene: ExportScene) -> None:

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mhvedit.export.content import Exported, ExportScene, LooksOf, Piece, Tell
+from mhvedit.export.far import is_far
 from mhvedit.export.pictures import PictureFolder
 from mhvedit.export.target import mark_folder, put_folder, staged
 from mhvedit.geometry.arrays import Int32Array
@@ -28,7 +30,8 @@ class MeshFormat(StrEnum):
 def write_folder(scene: ExportScene, path: Path, *, files: MeshFormat, up: str, tell: Tell) -> Exported:
     """Write `PATH/anna/anna_0000.obj` and so on: a folder for each piece, a file for each frame of the scene.
 
-    Metres; vertices are rounded to float32; a frame that repeats is written again, so that no number is missing.
+    Metres; vertices are rounded to float32, unless the scene is far from the origin: then they stay float64. A frame
+    that repeats is written again, so that no number is missing.
 
     Args:
         scene: what to write.
@@ -41,11 +44,12 @@ def write_folder(scene: ExportScene, path: Path, *, files: MeshFormat, up: str, 
         CaptureError: a frame cannot be read.
     """
     warnings = list[str]()
+    kind = np.float64 if is_far(scene) else np.float32
     with staged(path) as beside:
         made = beside / "made"
         for done, piece in enumerate(scene.pieces):
             looks = LooksOf(piece)
-            lost = _write_piece(scene, piece, looks, made / piece.name, files, up=up, tell=tell)
+            lost = _write_piece(scene, piece, looks, made / piece.name, files, up=up, kind=kind, tell=tell)
             warnings += [*looks.warnings, *([f"{piece.name}: {LOST}"] if lost else [])]
             tell("meshes", (done + 1) / len(scene.pieces))
         facts = {"name": scene.edit.name, "fps": scene.edit.fps, "frames": scene.edit.n_frames, "units": "m", "up": up}
@@ -55,7 +59,15 @@ def write_folder(scene: ExportScene, path: Path, *, files: MeshFormat, up: str, 
 
 
 def _write_piece(
-    scene: ExportScene, piece: Piece, looks: LooksOf, folder: Path, files: MeshFormat, *, up: str, tell: Tell
+    scene: ExportScene,
+    piece: Piece,
+    looks: LooksOf,
+    folder: Path,
+    files: MeshFormat,
+    *,
+    up: str,
+    kind: type[np.floating],
+    tell: Tell,
 ) -> bool:
     """All frames of one piece; whether any has a texture that the format cannot keep."""
     folder.mkdir(parents=True)
@@ -64,7 +76,7 @@ def _write_piece(
     for k, number in enumerate(scene.source(piece).tolist()):
         mesh = piece.sequence.mesh(number)
         seen = looks.at(number, mesh)
-        world = from_metres_z_up(scene.placed(piece, mesh, k), units="m", up=up).astype(np.float32)
+        world = from_metres_z_up(scene.placed(piece, mesh, k), units="m", up=up).astype(kind)
         file = folder / f"{piece.name}_{k:0{digits}d}.{files}"
         if files is MeshFormat.OBJ:
             file.write_bytes(obj_bytes(world, mesh.faces, seen, library))
@@ -111,11 +123,11 @@ class MaterialLibrary:
             (self._folder / self.name).write_text("\n".join(self._text))
 
 
-def obj_bytes(points: Float32Array, faces: Int32Array, looks: Looks | None, library: MaterialLibrary) -> bytes:
-    """An OBJ file; each number is the shortest that reads back as the same float32.
+def obj_bytes(points: NDArray[np.floating], faces: Int32Array, looks: Looks | None, library: MaterialLibrary) -> bytes:
+    """An OBJ file; each number is the shortest that reads back as the same.
 
     Args:
-        points: (V, 3).
+        points: (V, 3) float32 or float64.
         faces: (F, 3).
         looks: of the frame, if known.
         library: takes its materials.
@@ -138,9 +150,10 @@ def obj_bytes(points: Float32Array, faces: Int32Array, looks: Looks | None, libr
     return ("\n".join(lines) + "\n").encode()
 
 
-def _coloured(points: Float32Array, colours: Float32Array) -> list[list[str]]:
+def _coloured(points: NDArray[np.floating], colours: Float32Array) -> list[list[str]]:
     """Positions with colours behind them."""
-    rows: list[list[str]] = np.concatenate([points, srgb_from_linear(colours)], 1).astype("U").tolist()
+    columns = [points.astype("U"), srgb_from_linear(colours).astype("U")]
+    rows: list[list[str]] = np.concatenate(columns, 1).tolist()
     return rows
 
 
@@ -150,16 +163,16 @@ def _stretches(material: Int32Array) -> list[tuple[int, int]]:
     return list(pairwise(ends))
 
 
-def ply_bytes(points: Float32Array, faces: Int32Array, labels: Int32Array | None, looks: Looks | None) -> bytes:
+def ply_bytes(points: NDArray[np.floating], faces: Int32Array, labels: Int32Array | None, looks: Looks | None) -> bytes:
     """A binary PLY file, with labels and vertex colours where there are any.
 
     Args:
-        points: (V, 3).
+        points: (V, 3) float32 or float64.
         faces: (F, 3).
         labels: (V,) or None.
         looks: of the frame, if known.
     """
-    fields: list[tuple[str, str]] = [(axis, "<f4") for axis in "xyz"]
+    fields: list[tuple[str, str]] = [(axis, f"<f{points.itemsize}") for axis in "xyz"]
     colours = None if looks is None else looks.colours
     fields += [(name, "u1") for name in ("red", "green", "blue")] if colours is not None else []
     fields += [("part", "<i4")] if labels is not None else []
@@ -174,7 +187,7 @@ def ply_bytes(points: Float32Array, faces: Int32Array, labels: Int32Array | None
         vertices["part"] = labels
     triangles = np.zeros(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
     triangles["count"], triangles["corners"] = 3, faces
-    kinds = {"<f4": "float", "u1": "uchar", "<i4": "int"}
+    kinds = {"<f4": "float", "<f8": "double", "u1": "uchar", "<i4": "int"}
     properties = "".join(f"property {kinds[kind]} {name}\n" for name, kind in fields)
     head = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{properties}"

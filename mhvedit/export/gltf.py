@@ -23,13 +23,14 @@ from mhvedit.export.content import (
     used_numbers,
 )
 from mhvedit.export.draco import packed_mesh
+from mhvedit.export.far import centred, scene_offset, shift_warning, shifted
 from mhvedit.export.glb_file import INDICES, VERTICES, GlbFile, Json, check_size, described
 from mhvedit.export.target import put_file, staged
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.scene.edit import EditedScene
 from mhvedit.sequences.glb import DRACO
 from mhvedit.sequences.looks import Float32Array, Looks, Material, web_picture
-from mhvedit.sequences.meshes import Mesh
+from mhvedit.sequences.meshes import BODY, Mesh
 
 Z_UP_IN_Y_UP: Final = [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]  # columns: (x, y, z) -> (x, z, -y)
 SAMPLES: Final = 8  # frames of each piece that are read to estimate the size
@@ -52,7 +53,7 @@ class Corners:
 
 
 def write_glb(scene: ExportScene, path: Path, *, draco: bool, tell: Tell) -> Exported:
-    """Write one .glb.
+    """Write one .glb; a scene far from the origin is shifted by a round offset, as float32 is all that there is.
 
     Args:
         scene: what to write.
@@ -65,15 +66,17 @@ def write_glb(scene: ExportScene, path: Path, *, draco: bool, tell: Tell) -> Exp
         ExportError: more than a .glb can hold.
     """
     check_size(path.name, estimated_size(scene) * (DRACO_SHARE if draco else 1.0))
-    warnings = list[str]()
+    offset = scene_offset(scene)
+    warnings = list(shift_warning(path.name, offset))
+    scene = shifted(centred(scene), offset)
     with staged(path) as beside, GlbFile(beside / "values", path.name) as file:
-        writer = _Writer(file, scene, draco)
+        writer = _Writer(file, scene, draco, offset)
         for piece in scene.pieces:
             warnings += writer.put_piece(piece, tell)
         writer.put_scene()
         file.finish(beside / path.name)
         put_file(beside / path.name, path)
-    return Exported(path, warnings=tuple(warnings))
+    return Exported(path, warnings=tuple(warnings), offset=(float(offset[0]), float(offset[1]), 0.0))
 
 
 def estimated_size(scene: ExportScene) -> float:
@@ -98,6 +101,7 @@ class _Writer:
     file: GlbFile
     scene: ExportScene
     draco: bool
+    offset: FloatArray  # (2,) m, that the scene is without
     channels: list[Json] = field(default_factory=list)
     samplers: list[Json] = field(default_factory=list)
     nodes: dict[str, list[int]] = field(default_factory=dict)  # of each subject's pieces
@@ -118,7 +122,7 @@ class _Writer:
             self._put_turns(node, shown)
             children.append(node)
             tell(f"meshes of {piece.name}", (done + 1) / len(numbers))
-        name = piece.name if piece.part != "body" else f"{piece.name}.body"
+        name = piece.name if piece.part != BODY else f"{piece.name}.body"
         node = self.file.add("nodes", {"name": name, "children": children})
         self.nodes.setdefault(piece.subject, []).append(node)
         return looks.warnings
@@ -134,6 +138,8 @@ class _Writer:
             "scenes": [{"name": self.scene.edit.name, "nodes": [root]}],
             "animations": [{"name": self.scene.edit.name, "channels": self.channels, "samplers": self.samplers}],
         }
+        if self.offset.any():
+            head["scenes"][0]["extras"] = {"offset": [*self.offset.tolist(), 0.0]}
         if self.draco:
             head |= {"extensionsUsed": [DRACO], "extensionsRequired": [DRACO]}
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mhvedit.errors import CaptureError
 from mhvedit.export.content import Exported, ExportScene, LooksOf, Piece, Tell, runs_of
+from mhvedit.export.far import centred
 from mhvedit.export.pictures import PictureFolder
 from mhvedit.export.target import ExportError, put_file, staged
 from mhvedit.export.usd_flat import put_subject, put_transform, start_stage
@@ -16,10 +17,12 @@ from mhvedit.export.usd_library import describe_stage, identifier, pxr, writing
 from mhvedit.export.usd_meshes import PieceWriter
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.sequences.axes import to_metres_z_up
+from mhvedit.sequences.contents import stamp_of
 from mhvedit.sequences.read import USD_SUFFIXES
 
 VERSION: Final = 1  # of the form of assets; raise it when it changes
 CAPTURE: Final = "mhvedit:capture"  # key in an asset's custom data: which capture it was made of
+OFFSET: Final = "mhvedit:offset"  # the same: x and y, m, that its points are without
 
 
 def write_usd_edit(scene: ExportScene, path: Path, *, assets: Path, up: str, tell: Tell) -> Exported:
@@ -27,7 +30,8 @@ def write_usd_edit(scene: ExportScene, path: Path, *, assets: Path, up: str, tel
 
     The frames that a subject shows are value clips: one clip, the whole capture, and a table of times with a jump at
     every change, so that nothing is interpolated whatever the reader's setting. A copy holds every frame of its capture
-    as read, in metres and z up; it is written once and used again while the capture does not change.
+    as read, in metres and z up; it is written once and used again while the capture does not change. Of a capture far
+    from the origin, a copy is without a round offset, which the placement has.
 
     Args:
         scene: what to write.
@@ -44,6 +48,7 @@ def write_usd_edit(scene: ExportScene, path: Path, *, assets: Path, up: str, tel
     lib = pxr()
     written, kept, warnings = list[tuple[Path, Path]](), list[Path](), list[str]()
     assets.parent.mkdir(parents=True, exist_ok=True)
+    scene = centred(scene)
     with staged(path) as beside, staged(assets) as made, writing(path):
         layer = lib.Sdf.Layer.CreateNew(str(beside / path.name))
         start_stage(layer, scene, up=up)
@@ -123,9 +128,10 @@ def _put_capture(layer: Any, path: str, piece: Piece, asset: str, root: str, sou
 
 
 def _to_metres(piece: Piece) -> FloatArray:
-    """(4, 4) from a capture on disk to metres and z up; rows multiply."""
+    """(4, 4) from a capture on disk to metres, z up and without its offset; rows multiply."""
     matrix = np.eye(4)
     matrix[:3, :3] = to_metres_z_up(np.eye(3), units=piece.units, up=piece.up)
+    matrix[3, :2] -= piece.offset
     return matrix
 
 
@@ -141,12 +147,17 @@ def _root_name(piece: Piece) -> str:
 
 
 def _signature(piece: Piece) -> str:
-    """Changes when the capture does: its files, pictures among them, by name, size and time; frames, rate and axes."""
+    """Changes when the capture does: its files, pictures among them, by name and state; frames, rate, axes, offset."""
     made = set(piece.sequence.files if piece.sequence.made_of else ())  # stopped meshes are in another folder
-    found = sorted({*piece.path.iterdir(), *made}) if piece.path.is_dir() else piece.sequence.files
-    files = [(file.name, (stat := file.stat()).st_size, stat.st_mtime_ns) for file in found if file.is_file()]
-    what = (VERSION, files, piece.sequence.numbers, piece.sequence.fps, piece.units, piece.up)
+    found = sorted({*piece.path.rglob("*"), *made}) if piece.path.is_dir() else piece.sequence.files
+    files = [(file.name, stamp_of(file)) for file in found if file.is_file()]
+    what = (VERSION, files, piece.sequence.numbers, piece.sequence.fps, piece.units, piece.up, piece.offset)
     return hashlib.blake2b(repr(what).encode(), digest_size=16).hexdigest()
+
+
+def _offset_data(piece: Piece) -> dict[str, Any]:
+    """What a copy says of the offset that its points are without."""
+    return {OFFSET: pxr().Gf.Vec2d(*piece.offset)} if any(piece.offset) else {}
 
 
 def _is_current(asset: Path, piece: Piece) -> bool:
@@ -174,7 +185,7 @@ def _write_asset(piece: Piece, file: Path, pictures: PictureFolder, tell: Tell) 
     stage = lib.Usd.Stage.CreateNew(str(file))
     layer, numbers, root = stage.GetRootLayer(), piece.sequence.numbers, _root_name(piece)
     describe_stage(layer, root=root, fps=piece.sequence.fps, start=numbers[0], end=numbers[-1], up="z")
-    layer.customLayerData = {CAPTURE: _signature(piece)}
+    layer.customLayerData = {CAPTURE: _signature(piece)} | _offset_data(piece)
     lib.UsdGeom.Xform.Define(stage, f"/{root}")
     writer, looks = PieceWriter(stage, f"/{root}", pictures, "./pictures/", hold=False), LooksOf(piece)
     for done, number in enumerate(numbers):

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from mhvedit.export.content import Exported, ExportScene, LooksOf, Piece, Tell, placement_steps
+from mhvedit.export.far import centred
 from mhvedit.export.pictures import PictureFolder
 from mhvedit.export.target import ExportError, put_file, put_folder, staged
 from mhvedit.export.usd_library import TURNED_Y_UP, describe_stage, identifier, pxr, writing
@@ -22,6 +23,7 @@ WORLD: Final = "World"
 def write_flat_usd(scene: ExportScene, path: Path, *, up: str, tell: Tell) -> Exported:
     """Write a stage that needs no captures: `/World/anna/body/mesh` with time samples, `/World/anna` with placements.
 
+    Of a capture far from the origin, points are without a round offset, which the placement has.
     Pictures of materials go to a folder `<name>_pictures` beside it, or into the package of a .usdz.
 
     Args:
@@ -38,6 +40,7 @@ def write_flat_usd(scene: ExportScene, path: Path, *, up: str, tell: Tell) -> Ex
     packed = path.suffix.lower() == ".usdz"
     pictures = path.with_name(f"{path.stem}_pictures")
     warnings = list[str]()
+    scene = centred(scene)
     with staged(path) as beside, writing(path):
         file = beside / (f"{path.stem}.usdc" if packed else path.name)
         stage = lib.Usd.Stage.CreateNew(str(file))

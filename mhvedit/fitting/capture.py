@@ -34,15 +34,14 @@ class CaptureFit:
     likeness: Likeness  # how like a person the capture is at all
 
 
-def fit_capture(sequence: MeshSequence, *, yaw: FloatArray | None = None, workers: int = 1) -> CaptureFit:
+def fit_capture(sequence: MeshSequence, *, workers: int = 1) -> CaptureFit:
     """Fit a skeleton to a capture; whether it may be used is for `quality.refusals` to say.
 
     Args:
         sequence: the capture.
-        yaw: (T,) rad, where the body faces, if that is known.
         workers: threads; the result does not depend on it.
     """
-    track = track_body(sequence, yaw=yaw, workers=workers)
+    track = track_body(sequence, workers=workers)
     bound = binding_frame(track)
     starts = starting_poses(track, bound)
     template = bind(sequence.mesh(int(track.numbers[bound])), track, bound)

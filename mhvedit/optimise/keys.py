@@ -31,11 +31,6 @@ class KeyPlacements:
     lower_bound: float  # m^2
     equals: int  # constant poses that cost nothing, among which merit decided (1 where there are none)
 
-    @property
-    def gap(self) -> float:
-        """How far the cost may be above the optimum, percent of the cost."""
-        return 0.0 if self.cost <= 0 else 100 * (self.cost - self.lower_bound) / self.cost
-
 
 def best_placements(
     stages: Sequence[Stage], *, facing_weight: float, step: float, n_yaw: int, start: Start | None = None

@@ -93,12 +93,6 @@ def pose_codes(keys: IntArray) -> IntArray:
     return np.asarray(((keys[:, 0] + REACH) * (2 * REACH) + keys[:, 1] + REACH) * (1 << YAW_BITS) + keys[:, 2])
 
 
-def rows_of(codes: IntArray, wanted: IntArray) -> IntArray:
-    """Where wanted codes stand among codes; all of them are there."""
-    order = np.argsort(codes, kind="stable")
-    return np.asarray(order[np.searchsorted(codes[order], wanted)])
-
-
 def common_codes(codes: Sequence[IntArray]) -> IntArray:
     """Codes, each set without repetition, that all sets hold, ascending; the smallest sets are compared first."""
     common, *others = sorted(codes, key=len)

@@ -15,6 +15,7 @@ from mhvedit.view.postures import PostureStory
 
 FORMAT: Final = 1
 LARGEST_STEP: Final = 1.5  # over the captured; what is more is said
+PICTURED: Final = 5  # frames on the page
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +98,7 @@ def posture_story(found: Findings) -> PostureStory:
     """What the page shows: the worst frames before and after, with the limbs that collide."""
     body, captured, avoided = found.body, found.problem.captured, found.avoided
     before, after = (depths.depth for depths in found.depths)
-    chosen = telling_frames(avoided.before, avoided.after)
+    chosen = worst_frames(avoided.before, avoided.after)
     return PostureStory(
         name=found.path.stem,
         method=found.method,
@@ -118,12 +119,12 @@ def posture_story(found: Findings) -> PostureStory:
     )
 
 
-def telling_frames(before: FloatArray, after: FloatArray, *, n: int = 5) -> list[int]:
+def worst_frames(before: FloatArray, after: FloatArray) -> list[int]:
     """Frames worth a picture: the worst of what is left, then the worst of what was, apart from each other."""
     order = [*np.argsort(-after)[: int((after > 0).sum())], *np.argsort(-before, kind="stable")]
-    apart, chosen = max(1, len(before) // (3 * n)), list[int]()
+    apart, chosen = max(1, len(before) // (3 * PICTURED)), list[int]()
     for frame in order:
-        if len(chosen) < n and all(abs(int(frame) - other) >= apart for other in chosen):
+        if len(chosen) < PICTURED and all(abs(int(frame) - other) >= apart for other in chosen):
             chosen.append(int(frame))
     return sorted(chosen)
 

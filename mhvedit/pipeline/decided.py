@@ -67,6 +67,7 @@ def decided_further(store: Store, key: Key, found: ReasonMap, search: Search) ->
     if not _tell(reason, values, lengths, whole.size, instead_of):
         return map_by_yaw(grid, reason, found.reasons + reasons[len(BASE_REASONS) :])
     more = search(found.reason, OPEN)
+    assert more.reasons == reasons, f"{key[0]}: one key, but other reasons"
     known = _laid(kept, whole) if known is None else known
     _fill(known, reason, more.by_yaw)
     _keep(store, key, map_by_yaw(whole, known, reasons))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from mhvedit.errors import CaptureError
-from mhvedit.export.content import BODY, Exported, ExportScene, Piece, Tell, check_frames
+from mhvedit.export.content import Exported, ExportScene, Piece, Tell, check_frames
 from mhvedit.export.folder import MeshFormat, write_folder
 from mhvedit.export.gltf import write_glb
 from mhvedit.export.movie import encoder, even_size, frames_shown, write_movie
@@ -28,7 +28,7 @@ from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, read_edit
 from mhvedit.scene.eyes import Eyes, eyes_in
 from mhvedit.scene.shown import shown_scene
-from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.sequences.meshes import BODY, MeshSequence
 from mhvedit.view.film import Cameras, film, fixed_cameras, orbit_cameras, scene_boxes
 from mhvedit.view.studio import check_can_draw
 from mhvedit.volumes.parts import OwnMesh

@@ -71,11 +71,10 @@ def ground_clauses(
             if solid.frames.any():
                 found.append(clause(f"{PROP} {name}", solid, other))
     if scene.stage.floor:
-        body = (a, b)[pinned].solids["body"]
+        body = (a, b)[pinned].body
         floor = np.array(scene.stage.floor)
         off = _off_floor(floor, invert(canonical), body.centre[:2], other, scene.window_of(spec))
-        if off.frames.any():
-            found.append(clause(STAGE, off, _flat(other)))
+        found.append(clause(STAGE, off, _flat(other)))  # even where all is floor: maps of all windows have one key
     return tuple(found)
 
 

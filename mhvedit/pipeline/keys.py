@@ -16,15 +16,14 @@ from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.sight import MutualSight
 from mhvedit.sequences.cache import VERSION as PARSERS
 from mhvedit.sequences.contents import Contents
-from mhvedit.sequences.meshes import JointTracks, MeshSequence
+from mhvedit.sequences.meshes import BODY, JointTracks, MeshSequence
 from mhvedit.volumes.parts import InBox, NearBones, NearTrack, OwnMesh, Part, WithLabel
-from mhvedit.volumes.subject import BODY
 
 # Raise a stage's number when its results change.
 FRAMES: Final = 1
 VOLUMES: Final = 1
 CONTACT: Final = 3
-BODIES: Final = 4
+BODIES: Final = 5
 SIGHT: Final = 4
 CENTRES: Final = 1
 GROUP: Final = 3
@@ -44,7 +43,7 @@ def used_parts(spec: SegmentSpec, side: int) -> frozenset[str]:
 def frames_key(sequence: MeshSequence, numbers: IntArray, known: Contents) -> Key:
     """Some frames of a capture: what their files hold."""
     files = sequence.files
-    if len(files) == len(sequence.numbers):
+    if sequence.per_frame:
         place = {number: file for number, file in zip(sequence.numbers, files, strict=True)}
         files = tuple(place[number] for number in numbers.tolist())
     return ("frames", FRAMES, PARSERS, known.of(files), numbers.tolist())

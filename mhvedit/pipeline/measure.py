@@ -343,7 +343,7 @@ def _slack(job: Job, spec: SegmentSpec) -> ContactSlack:
 def _sight(job: Job, spec: SegmentSpec, people: Mapping[str, Person]) -> SegmentSight | None:
     if spec.visibility is None:
         return None
-    pair = segment_pair(job.scene, spec, people, job.fps)
+    pair = segment_pair(spec, people, job.fps)
     frames = spec.visibility.frames or range(pair.n_frames)
     a, b = spec.between
     cones = [

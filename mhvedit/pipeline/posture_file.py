@@ -13,6 +13,7 @@ from mhvedit.collision.detect import TOLERANCE, CollisionBody, Depths
 from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.files import UNREADABLE, found_instead, load_npz, write_arrays
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
 from mhvedit.pipeline.avoid_report import Findings
 from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.skin import skin_into, sparse_weights
@@ -42,7 +43,7 @@ class Postures:
     weight_joint: IntArray  # (N,)
     weight: FloatArray  # (N,)
     rotations: Float32Array  # (2, T, J, 3, 3) world_from_joint, by `Take`
-    positions: Float32Array  # (2, T, J, 3) m
+    positions: Float32Array  # (2, T, J, 3) m, without whole metres in plan where the motion is far from the origin
     depth: Float32Array  # (2, T, L) mm, how much deeper than at rest each limb is in another
     touched: BoolArray  # (T,) frames that were edited
     fps: FloatArray  # () Hz
@@ -84,6 +85,8 @@ def postures_of(found: Findings) -> Postures:
     """What is kept of a motion that was edited."""
     body, captured, edited = found.body, found.problem.captured, found.avoided.motion
     frames = [joint_frames(body.body.skeleton, motion.q) for motion in (captured, edited)]
+    positions = np.stack([positions for _, positions in frames])
+    offset = round_offset(middle_in_plan(positions[Take.CAPTURED, 0]))
     limb = np.empty(len(body.body.faces), np.int64)
     limb[body.limbs.face_ids] = np.repeat(np.arange(body.limbs.n_limbs), np.diff(body.limbs.arrays.face_start))
     return Postures(
@@ -94,7 +97,7 @@ def postures_of(found: Findings) -> Postures:
         body.body.skeleton.rest_positions,
         *sparse_weights(body.body.weights),
         np.stack([rotations for rotations, _ in frames]).astype(np.float32),
-        np.stack([positions for _, positions in frames]).astype(np.float32),
+        without_offset(positions, offset).astype(np.float32),
         np.stack([_depth_of_limbs(body, depths) for depths in found.depths]),
         touched_frames(captured, edited),
         np.array(float(captured.fps)),

@@ -149,8 +149,8 @@ def _key(
     people = []
     for name, own in edit.subjects.items():
         spec = scene.subjects[name]
-        solids = (subjects[name].sequence, *subjects[name].held.values())
-        frames = [frames_key(sequence, own.source, known) for sequence in solids]
+        solids = {"": subjects[name].sequence, **subjects[name].held}
+        frames = [(part, frames_key(sequence, own.source, known)) for part, sequence in solids.items()]
         people.append((name, frames, spec.units, spec.up, own.placements.tolist()))
     bodies = []
     for name, prop in props.items():

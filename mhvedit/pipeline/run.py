@@ -1,6 +1,7 @@
 """From a scene file to a full output folder, and back: what the commands do."""
 
 import json
+import os
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -42,8 +43,8 @@ from mhvedit.project.subjects import Subject
 from mhvedit.scene.edit import EditedScene, edit_as_dict, read_edit
 from mhvedit.scene.report import SceneReport, Thresholds, failures
 
-VERSION = 3  # of what is written; raise it when the reports change
-WARNINGS = 2  # of what is kept of them; raise it when they change
+VERSION = 4  # of what is written; raise it when the reports change
+WARNINGS = 3  # of what is kept of them; raise it when they change
 CLOCK = 2.0  # s, by which times of files may be behind
 MEASURED_FRAMES = 6  # of a capture, for warnings
 
@@ -125,7 +126,7 @@ def _answered(
     out: Path, staged: Staging, standing: Standing, result: Result, warnings: tuple[str, ...], *, started: float
 ) -> Outcome:
     """Put the answer in place, unless it is there."""
-    key, names = _answer_key(result), _solutions_names(result)
+    key, names = _answer_key(result, warnings), _solutions_names(result)
     files = answer_files(names, solved=result.assembly is not None) + list(_touched(result))
     if standing.answer == key and holds(standing, [*files, REPORT]):
         return Outcome(result, json.loads((out / REPORT).read_text()), redone=False)
@@ -144,14 +145,17 @@ def _stands(segment: SolvedSegment, standing: Standing) -> bool:
     return there and holds(standing, [solutions_path(segment.name)])
 
 
-def _answer_key(result: Result) -> str:
+def _answer_key(result: Result, warnings: tuple[str, ...]) -> str:
     """A name for everything that the files in the output folder depend on."""
     scene, people = result.job.scene, result.people
     answer = str(result.failure) if result.assembly is None else edit_as_dict(result.assembly.scene)
-    captures = [(person.signature, _things_key(person, result.job.store)) for person in people.values()]
+    captures = [
+        (person.signature, _things_key(person, result.job.store), _looks_key(person)) for person in people.values()
+    ]
     props = [result.job.store.contents.of(prop.sequence.files) for prop in result.job.props.values()]
     touched = [result.job.store.contents.of([file]) for file in _touched(result).values()]
-    return hashed(("answer", VERSION, scene, captures, props, [s.identity for s in result.segments], answer, touched))
+    segments = [segment.identity for segment in result.segments]
+    return hashed(("answer", VERSION, scene, captures, props, segments, answer, touched, warnings))
 
 
 def _touched(result: Result) -> dict[str, Path]:
@@ -171,6 +175,13 @@ def _solutions_name(segment: SolvedSegment) -> str:
 def _things_key(person: Person, store: Store) -> list[str]:
     """What the meshes of the things that a person holds are like."""
     return [store.contents.of(thing.files) for thing in person.subject.held.values()]
+
+
+def _looks_key(person: Person) -> str:
+    """Which way a person faces and looks, as the report draws it."""
+    facing, gaze = person.facing, person.gaze
+    parts = (facing.numbers, facing.yaw, facing.trust, gaze.numbers, gaze.eye, gaze.direction)
+    return hashed([part.tobytes() for part in parts])
 
 
 def _verified(out: Path, answer: Outcome, *, workers: int, page: bool, tell: Progress) -> Outcome:
@@ -225,7 +236,7 @@ def scene_warnings(job: Job, *, workers: int = 1) -> tuple[str, ...]:
 
 
 def _capture_warnings(spec: SubjectSpec, subject: Subject, store: Store) -> list[str]:
-    """Of one capture; kept until it, or what lies beside its files, changes."""
+    """Of one capture; kept until it, what lies beside its files, or a picture that it names comes or goes."""
 
     def build() -> Arrays:
         from mhvedit.sequences.inspect import capture_warnings, inspect_capture  # takes long to load, and is kept
@@ -240,12 +251,26 @@ def _capture_warnings(spec: SubjectSpec, subject: Subject, store: Store) -> list
             most=MEASURED_FRAMES,
             cache=cache,
         )
-        return {"sentences": np.array(capture_warnings(summary), np.str_)}
+        named = [str(file) for file in (*summary.textures, *summary.missing_textures)]
+        there = np.arange(len(named)) < len(summary.textures)
+        sentences = np.array(capture_warnings(summary), np.str_)
+        return {"sentences": sentences, "named": np.array(named, np.str_), "there": there}
 
     signature = capture_signature(subject.sequence, store.contents, units=spec.units, up=spec.up)
-    beside = spec.path.path.stat().st_mtime_ns
-    key = ("warnings", WARNINGS, spec.name, signature, spec.fps, beside)
-    return [str(sentence) for sentence in store.arrays(key, build)["sentences"]]
+    key = ("warnings", WARNINGS, spec.name, signature, spec.fps, _beside(spec))
+    found = store.kept(key)
+    if found is None or [Path(str(file)).is_file() for file in found["named"]] != found["there"].tolist():
+        found = store.keep(key, build())
+    return [str(sentence) for sentence in found["sentences"]]
+
+
+def _beside(spec: SubjectSpec) -> object:
+    """When something came or went beside a capture's files; of frames that are left out, how they stand."""
+    path = spec.path.path
+    if spec.frames is None or not path.is_dir():
+        return path.stat().st_mtime_ns
+    with os.scandir(path) as entries:
+        return sorted((entry.name, entry.stat().st_size, entry.stat().st_mtime_ns) for entry in entries)
 
 
 def check_output(
@@ -285,8 +310,7 @@ def check_output(
 def _check_belongs(out: Path, edit: EditedScene, job: Job, people: Mapping[str, Person]) -> None:
     """Refuse an edit whose scene file was changed since in a way that the check would trip over."""
     asked = [
-        (s.name, s.between, segment_pair(job.scene, s, people, job.fps).n_frames, s.interaction.value)
-        for s in job.scene.segments
+        (s.name, s.between, segment_pair(s, people, job.fps).n_frames, s.interaction.value) for s in job.scene.segments
     ]
     there = [(s.name, s.between, s.stop - s.start, s.interaction) for s in edit.segments]
     if asked != there or set(edit.subjects) != set(people):

@@ -97,13 +97,14 @@ def _meetings(
             return None
         known |= set(pair)
         merit = np.min([solved[i].merit(some) for i, some in zip(own, shared, strict=True)], axis=0)
-        poses = captured_poses(solved[own[0]].rows(shared[0]).poses, people[pair[0]], people[pair[1]])
-        found.append(_Meeting(pair, own, tuple(shared), poses, _order(poses, merit)))
+        canonical = solved[own[0]].rows(shared[0]).poses
+        poses = captured_poses(canonical, people[pair[0]], people[pair[1]])
+        found.append(_Meeting(pair, own, tuple(shared), poses, _order(canonical, merit)))
     return found
 
 
 def _order(poses: FloatArray, merit: FloatArray) -> IntArray:
-    """Poses by merit, the best of every neighbourhood first."""
+    """Poses by merit, the best of every neighbourhood first; in canonical frames, or captures' frames would count."""
     by_merit = np.argsort(-merit, kind="stable")
     cells = np.floor(poses[by_merit] / np.array([COARSE[0], COARSE[0], COARSE[1]])).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)

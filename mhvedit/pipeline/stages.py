@@ -82,7 +82,7 @@ def segment_stages(
         store: where results are kept.
         workers: threads.
     """
-    pair = segment_pair(scene, spec, people, fps)
+    pair = segment_pair(spec, people, fps)
     sides = list(zip((0, 1), spec.between, (pair.a, pair.b), strict=True))
     a, b = (volumes_key(scene, spec, side, people[name], numbers, store.contents) for side, name, numbers in sides)
     facing_a, facing_b = (

@@ -3,7 +3,8 @@
 People who meet, be it by others, form a group, and the captures say nothing of how groups stand to each other. Each is
 placed as a whole, which changes nobody's motion. One with a pinned person follows her; one with marks fits them best.
 Any other takes the nearest free place: its footprint, where anybody of it ever is in plan, overlaps neither the others'
-footprints nor a prop's, and lies on the floor. The first group stays where it is if that is free.
+footprints nor a prop's, and lies on the floor. The first group stays where it is if that is free; the next ones are
+turned and placed from canonical frames, so that it does not matter how their captures lie.
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,14 +60,22 @@ def on_stage(
         NoRoom: a group does not fit, or not to its marks.
     """
     placed: dict[str, FloatArray] = {}
+    world = np.zeros(3)  # in which free places are looked for
     for names in sorted(acquainted(edit), key=lambda own: not _is_held(scene, own)):
         paths = {name: edit.subjects[name].placements for name in names}
         if scene.stage.pin in names:
             paths = _following(paths, scene.stage.pin)
         elif marks := [mark for mark in scene.stage.marks if mark.subject in names]:
-            paths = _moved(paths, _by_marks(scene, marks, edit, people))
-        elif placed or not around.empty:
-            paths = _moved(paths, _free_place(names, paths, placed, bodies, around))
+            paths = _moved(paths, _by_marks(marks, edit, people))
+        elif placed:
+            upright = _moved(paths, invert(_canonical(names[0], paths, people)))
+            there = _moved(placed, invert(world))
+            pose = _free_place(names, upright, there, bodies, around)
+            paths = _moved(upright, compose(world, pose))
+        elif not around.empty:
+            paths = _moved(paths, _free_place(names, paths, {}, bodies, around))
+        else:
+            world = _canonical(names[0], paths, people)
         placed |= paths
     subjects = {name: SubjectEdit(own.source, placed[name]) for name, own in edit.subjects.items()}
     return replace(edit, subjects=subjects)
@@ -77,6 +86,11 @@ def acquainted(edit: EditedScene) -> list[tuple[str, ...]]:
     names = list(edit.subjects)
     links = ((names.index(s.between[0]), names.index(s.between[1])) for s in edit.segments)
     return [tuple(names[i] for i in group) for group in groups(len(names), links)]
+
+
+def _canonical(name: str, paths: Path, people: Mapping[str, Person]) -> FloatArray:
+    """(3,) the canonical frame of somebody as she stands in the first frame."""
+    return compose(paths[name][0], people[name].pose)
 
 
 def _is_held(scene: SceneFile, names: Sequence[str]) -> bool:
@@ -98,7 +112,7 @@ def _following(paths: Path, pin: str) -> dict[str, FloatArray]:
     return found
 
 
-def _by_marks(scene: SceneFile, marks: Sequence[Mark], edit: EditedScene, people: Mapping[str, Person]) -> FloatArray:
+def _by_marks(marks: Sequence[Mark], edit: EditedScene, people: Mapping[str, Person]) -> FloatArray:
     """The placement of a group that fits its marks best.
 
     Raises:

@@ -110,7 +110,7 @@ def fleshed(skeleton: Skeleton, flesh: Flesh, limbs: Sequence[Limb], placed: tup
     effort = np.array([ROLES[roles[j]].effort if roles[j] in ROLES else 1.0 for j in skeleton.dof_joint])
     nothing = np.zeros((len(pieces), len(pieces)), np.bool_)
     chain = np.full(skeleton.n_joints, -1)
-    return Figure(skeleton, tuple(pieces), np.array(carriers, np.int64), chain, (), nothing, effort, (), "human")
+    return Figure(skeleton, tuple(pieces), np.array(carriers, np.int64), chain, nothing, effort, (), "human")
 
 
 def limbs_at(flesh: Flesh, deep: BoolArray, held: Mapping[str, BoolArray]) -> list[Limb]:

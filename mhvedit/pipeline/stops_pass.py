@@ -111,7 +111,8 @@ def _key(movers: Movers, name: str, store: Store) -> Key:
         for other in paths
         if other != name
     ]
-    return ("stopped", VERSION, FITS, name, frames_of(movers, name, store), spec.fps, others)
+    held = list(movers.people[name].subject.held)  # the names that stopped things are read by
+    return ("stopped", VERSION, FITS, name, held, frames_of(movers, name, store), spec.fps, others)
 
 
 def _build(movers: Movers, name: str, depths: Mapping[str, FloatArray], store: Store) -> Arrays:

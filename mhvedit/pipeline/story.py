@@ -106,7 +106,7 @@ def _story(result: Result, index: int) -> SegmentStory:
         killed_by="" if miss is None else miss.killed_by,
         nearest="" if miss is None else miss.nearest,
         figures={} if chosen is None else _figures(segment, chosen),
-        notes=_notes(result, segment, chosen),
+        notes=_notes(result, chosen),
     )
 
 
@@ -137,7 +137,7 @@ def _figures(segment: SolvedSegment, row: int) -> dict[str, str]:
     return {"Quality penalty": f"{segment.penalty[row] * 1000:.0f} mm of clearance"}
 
 
-def _notes(result: Result, segment: SolvedSegment, chosen: int | None) -> list[str]:
+def _notes(result: Result, chosen: int | None) -> list[str]:
     if chosen is None or result.assembly is None:
         return []
     equals = result.assembly.placements.equals

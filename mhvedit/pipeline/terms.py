@@ -17,8 +17,9 @@ from mhvedit.project.schema import SceneFile, SegmentSpec
 from mhvedit.search.poses import PoseGrid, pose_grid
 from mhvedit.search.sight import MutualSight
 from mhvedit.sequences.align import KeyRange, key_pair
+from mhvedit.sequences.meshes import BODY
 from mhvedit.sequences.segments import SegmentPair
-from mhvedit.volumes.subject import BODY, SubjectVolumes, part_of
+from mhvedit.volumes.subject import SubjectVolumes, part_of
 
 
 def segment_key(spec: SegmentSpec) -> KeyRange:
@@ -27,7 +28,7 @@ def segment_key(spec: SegmentSpec) -> KeyRange:
     return KeyRange(spec.between, spec.frames[a], spec.frames[b], spec.retime)
 
 
-def segment_pair(scene: SceneFile, spec: SegmentSpec, people: Mapping[str, Person], fps: float) -> SegmentPair:
+def segment_pair(spec: SegmentSpec, people: Mapping[str, Person], fps: float) -> SegmentPair:
     """The frames of a segment, both at one length."""
     a, b = spec.between
     rates = fps / people[a].sequence.fps, fps / people[b].sequence.fps

@@ -10,8 +10,8 @@ from typing import Any, Final
 from mhvedit.constraints.dictionary import InteractionType
 from mhvedit.project.schema import Exclusion, SegmentSpec, Spot, SubjectSpec, Tolerance, Visibility
 from mhvedit.project.values import Value, fields, is_name, name, number, one_of, shown, span, table, whole
+from mhvedit.sequences.meshes import BODY
 from mhvedit.sequences.segments import Retiming, shared_length
-from mhvedit.volumes.subject import BODY
 
 KEYS: Final[Mapping[str, Any]] = {
     "name": None,

@@ -34,7 +34,7 @@ from mhvedit.project.values import (
     whole,
 )
 from mhvedit.sequences.axes import METRES, UP_AXES
-from mhvedit.volumes.subject import BODY
+from mhvedit.sequences.meshes import BODY
 
 KEYS: Final[Mapping[str, Any]] = {
     "path": None,

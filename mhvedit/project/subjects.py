@@ -23,12 +23,11 @@ from mhvedit.project.schema import (
 from mhvedit.project.values import dotted, listed, shown, suggestion
 from mhvedit.sequences.axes import to_metres_z_up
 from mhvedit.sequences.contents import Contents
-from mhvedit.sequences.meshes import JointTracks, MeshSequence
+from mhvedit.sequences.meshes import BODY, JointTracks, MeshSequence
 from mhvedit.sequences.read import open_capture
 from mhvedit.sequences.tracks import read_tracks
 from mhvedit.skeleton.bvh import BvhMotion, read_bvh
 from mhvedit.volumes.parts import InBox, NearBones, NearTrack, OwnMesh, Part, WholeBody, WithLabel
-from mhvedit.volumes.subject import BODY
 
 FACING, EYE, TARGET = "facing", "eye", "target"  # joints
 
@@ -132,8 +131,7 @@ def _cut(whole: MeshSequence, spec: SubjectSpec) -> MeshSequence:
     if spec.frames[0] < whole.numbers[0] or spec.frames[-1] > whole.numbers[-1] or not kept:
         expected = f"frames of the capture, which has {whole.numbers[0]} to {whole.numbers[-1]}"
         raise SceneError(spec.file, f"{spec.key}.frames", expected, f"[{spec.frames[0]}, {spec.frames[-1]}]")
-    one_each = len(whole.files) == len(whole.numbers)
-    files = tuple(whole.files[i] for i in kept) if one_each else whole.files
+    files = tuple(whole.files[i] for i in kept) if whole.per_frame else whole.files
     return replace(whole, numbers=tuple(whole.numbers[i] for i in kept), files=files)
 
 

@@ -17,9 +17,8 @@ from mhvedit.geometry.planar import apply_pose, compose, invert, wrap_angle
 from mhvedit.scene.edit import EditedScene
 from mhvedit.scene.report import PairReport
 from mhvedit.scene.surfaces import Clearance, Surface, boxes_apart, clearance, open_surface
-from mhvedit.sequences.meshes import Mesh, MeshSequence, joined
+from mhvedit.sequences.meshes import BODY, Mesh, MeshSequence, joined
 
-BODY: Final = "body"  # the whole captured mesh, as a part and as a solid
 STILL: Final = 1e-9  # m and rad: placements that differ by less are the same
 
 Pair = tuple[str, str]

@@ -13,8 +13,7 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.scene.edit import EditedScene, SubjectEdit
-from mhvedit.scene.pairs import BODY
-from mhvedit.sequences.meshes import Mesh, MeshSequence
+from mhvedit.sequences.meshes import BODY, Mesh, MeshSequence
 
 OWN: Final = 10**9  # number of the mesh that frame 0 of the scene has for itself
 
@@ -45,8 +44,7 @@ def shown_capture(capture: MeshSequence, edit: SubjectEdit, part: str = BODY) ->
     if edit.touched is None:
         return capture
     own = {OWN + frame: int(edit.source[frame]) for frame in edit.touched.frames}
-    each = len(capture.files) == len(capture.numbers)
-    files = (*capture.files, *((edit.touched.file,) * (len(own) if each else 1))) if capture.files else ()
+    files = (*capture.files, *(edit.touched.file,) * (len(own) if capture.per_frame else 1)) if capture.files else ()
     return replace(
         capture,
         numbers=(*capture.numbers, *own),

@@ -71,11 +71,6 @@ class PoseGrid:
         turned = rotation(self.yaws) @ self.root_b - self.root_a
         return np.asarray((self.base[:, :, None] + np.arange(self.size)) * self.step + turned[:, :, None])
 
-    def inside(self, k: int) -> BoolArray:
-        """(size, size) which cells of one yaw have B's root in the window."""
-        x, y = self.reach()
-        return np.asarray(x[k][:, None] & y[k][None, :])
-
     def reach(self) -> tuple[BoolArray, BoolArray]:
         """(n_yaw, size) at which steps along x, and along y, B's root is in the window: where both are, a cell is."""
         there = np.abs(self.roots()) <= self.window / 2 + 1e-9

@@ -34,9 +34,7 @@ class BodyPose:
     shape: FloatArray  # (2,) logarithms of scale and stoutness
 
 
-def fit_body(
-    model: BodyModel, cloud: FloatArray, start: BodyPose, *, sigma: FloatArray, follow: float = 1.0
-) -> tuple[BodyPose, float]:
+def fit_body(model: BodyModel, cloud: FloatArray, start: BodyPose, *, sigma: FloatArray) -> tuple[BodyPose, float]:
     """Move a posture until the body's surface fits the points.
 
     Args:
@@ -44,7 +42,6 @@ def fit_body(
         cloud: (N, 7) m, points, unit normals, weights that sum to 1.
         start: where to begin.
         sigma: (I,) m, for each step the distance beyond which a point loses its say.
-        follow: how strongly a step is kept from turning joints at all.
 
     Returns:
         The posture, and what is left in m^2 (mean robust distance, and what joints are bent beyond their range).
@@ -54,7 +51,7 @@ def fit_body(
     rotations, pelvis, shape = start.rotations.copy(), start.pelvis.copy(), start.shape.copy()
     energy = _iterate(
         *(model.parents, model.offsets, model.cone_joint, model.cone_ends, model.cone_radii, model.centres),
-        *(model.ranges, model.chains, cloud, sigma, follow, rotations, pelvis, shape),
+        *(model.ranges, model.chains, cloud, sigma, rotations, pelvis, shape),
     )
     return BodyPose(rotations, pelvis, shape), float(energy)
 
@@ -355,7 +352,7 @@ def _apply(step: FloatArray, parents: IntArray, rotations: FloatArray, pelvis: F
 @njit(cache=True, nogil=True)
 def _iterate(
     parents: IntArray, offsets: FloatArray, joints: IntArray, ends: FloatArray, radii: FloatArray,
-    centres: FloatArray, ranges: FloatArray, chains: IntArray, cloud: FloatArray, sigma: FloatArray, follow: float,
+    centres: FloatArray, ranges: FloatArray, chains: IntArray, cloud: FloatArray, sigma: FloatArray,
     rotations: FloatArray, pelvis: FloatArray, shape: FloatArray,
 ) -> float:  # fmt: skip
     """The loop; `rotations`, `pelvis` and `shape` are changed in place."""
@@ -375,7 +372,7 @@ def _iterate(
             gradient[size - 2 + k] += SHAPE_WEIGHT * shape[k]
             hessian[size - 2 + k, size - 2 + k] += SHAPE_WEIGHT
         for k in range(3, size - 2):
-            hessian[k, k] += follow * TRACK_WEIGHT
+            hessian[k, k] += TRACK_WEIGHT
         for k in range(3):
             hessian[k, k] += SHIFT_WEIGHT
         if it == len(sigma) - 1:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -48,20 +47,20 @@ class Contents:
         Raises:
             OSError: it cannot be read.
         """
-        stat, stamp = _stamped(file)
+        stamp = stamp_of(file)
         place = str(file.absolute())
         known, data = self.known.get(place), None
         if known is None or known[0] != stamp:
             data = file.read_bytes()
             known = stamp, hash_of_bytes(data)
-            if time.time_ns() - max(stat.st_mtime_ns, stat.st_ctime_ns) > SETTLED:
+            if time.time_ns() - max(stamp[1:3]) > SETTLED:
                 self.known[place] = known
                 self.fresh.add(place)
         return known[1], data
 
     def _of(self, file: Path) -> tuple[str, object]:
         if self.memory is None:
-            return str(file), _stamped(file)[1]
+            return str(file), stamp_of(file)
         return file.suffix.lower(), self.hash_of(file)[0]
 
 
@@ -88,7 +87,7 @@ def _stamp(size: int, mtime: int, ctime: int, inode: int) -> Stamp:
     return int(size), int(mtime), int(ctime), int(inode)
 
 
-def _stamped(file: Path) -> tuple[os.stat_result, Stamp]:
-    """What the system says of a file, and what of that tells whether it has changed."""
+def stamp_of(file: Path) -> Stamp:
+    """What of a file's state tells whether it has changed."""
     stat = file.stat()
-    return stat, (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino

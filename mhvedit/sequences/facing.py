@@ -5,31 +5,21 @@ import numpy as np
 from mhvedit.errors import SceneError, ShapeError
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.smoothing import smoothed
-from mhvedit.sequences.bodies import BodyTrack, across_body, horizontal_front, track_body
-from mhvedit.sequences.meshes import Facing, JointTracks, MeshSequence
+from mhvedit.sequences.bodies import BodyTrack, across_body, horizontal_front
+from mhvedit.sequences.meshes import Facing, JointTracks
 
 SMOOTHING = 0.04  # s, standard deviation of the smoothing over time
 MISFIT_SCALE = 7e-4  # m^2, misfit at which the trust has halved
 
 
-def estimate_facing(sequence: MeshSequence, *, workers: int = 1) -> Facing:
+def facing_of_body(body: BodyTrack, *, fps: float) -> Facing:
     """Which way the body faces in every frame: the horizontal normal of hips and shoulders.
 
-    A plain adult made of round cones is laid into each frame's surface (see `bodies`); the estimate turns with the
-    capture. Trust falls where the left-right axis is steep (lying on the side) and where the body does not fit.
+    The estimate turns with the capture. Trust falls where the left-right axis is steep (lying on the side) and where
+    the body does not fit.
 
     Args:
-        sequence: the capture, in metres and z up.
-        workers: threads; the result does not depend on it.
-    """
-    return facing_of_body(track_body(sequence, workers=workers), fps=sequence.fps)
-
-
-def facing_of_body(body: BodyTrack, *, fps: float) -> Facing:
-    """The facing of a body that was tracked already.
-
-    Args:
-        body: the tracked body.
+        body: the body that was tracked in the capture.
         fps: Hz, of the capture.
     """
     across = across_body(body.places)

@@ -55,6 +55,6 @@ def frame_looks(sequence: MeshSequence, number: int) -> Looks | None:
     Raises:
         CaptureError: the file cannot be read.
     """
-    if len(sequence.files) != len(sequence.numbers):
+    if not sequence.per_frame:
         return None
     return read_looks(sequence.files[sequence.numbers.index(sequence.origin(number))], READERS)

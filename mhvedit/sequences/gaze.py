@@ -11,11 +11,11 @@ from mhvedit.errors import SceneError
 from mhvedit.geometry.arrays import FloatArray, Int32Array
 from mhvedit.geometry.planar import invert
 from mhvedit.geometry.smoothing import smoothed
-from mhvedit.sequences.bodies import BodyTrack, track_body
+from mhvedit.sequences.bodies import BodyTrack
 from mhvedit.sequences.body_fit import BodyPose, fit_body
 from mhvedit.sequences.body_model import EYES, NECK, SKULL, BodyModel, plain_head, rotation_from_vector
 from mhvedit.sequences.facing import single_joint
-from mhvedit.sequences.meshes import Facing, Gaze, JointTracks, Mesh, MeshSequence
+from mhvedit.sequences.meshes import Gaze, JointTracks, Mesh, MeshSequence
 from mhvedit.sequences.surface_cloud import surface_cloud
 
 HEAD_CELL = 0.02  # m, cells of the head's cloud
@@ -27,19 +27,8 @@ HEAD_SIGMA = np.r_[np.full(4, 0.04), np.full(6, 0.025)]  # m, distances beyond w
 SMOOTHING = 0.06  # s, standard deviation of the smoothing over time
 
 
-def estimate_gaze(sequence: MeshSequence, facing: Facing, *, workers: int = 1) -> Gaze:
-    """Midpoint of the eyes and the direction of the face in every frame.
-
-    Args:
-        sequence: the capture, in metres and z up.
-        facing: which way the body faces, estimated or given; the head is looked for on that body.
-        workers: threads; the result does not depend on it.
-    """
-    return gaze_of_body(sequence, track_body(sequence, yaw=facing.yaw, workers=workers), workers=workers)
-
-
 def gaze_of_body(sequence: MeshSequence, body: BodyTrack, *, workers: int = 1) -> Gaze:
-    """The gaze of a body that was tracked already.
+    """Midpoint of the eyes and the direction of the face in every frame.
 
     Args:
         sequence: the capture, in metres and z up.

@@ -1,6 +1,6 @@
 """What a capture is: frames, rate, size, axes, and how sound its meshes are; with sentences about what looks wrong."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +20,7 @@ from mhvedit.sequences.read import ASSUMED_FPS, USD_SUFFIXES, load_raw, open_sou
 from mhvedit.sequences.sources import FrameSource
 from mhvedit.sequences.usd import UsdSource
 
+FAR_AWAY: Final = 1000.0  # m from the origin, from which on a capture is warned of
 LOOKS: Final[Mapping[str, Callable[[Path], ObjMaterials]]] = {
     ".obj": obj_materials,
     ".glb": lambda path: ObjMaterials((), *glb_pictures(path)),
@@ -57,6 +58,11 @@ class CaptureSummary:
         """Lowest and highest coordinates over all measured frames."""
         low, high = _limits(self.frames)
         return tuple(low.min(0).tolist()), tuple(high.max(0).tolist())
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """The middle of the bounds."""
+        return tuple((np.array(self.bounds[0]) + self.bounds[1]) / 2)
 
     @property
     def height(self) -> float:
@@ -252,17 +258,7 @@ def _bit_text(summary: CaptureSummary) -> str:
 
 def capture_warnings(summary: CaptureSummary) -> tuple[str, ...]:
     """What looks wrong with a capture, in sentences that say what to do about it; most serious first."""
-    s, said = summary, list[str]()
-    low, _ = _limits(s.frames)
-    wrong_units, wrong_up = s.likely_units != s.units, s.likely_up != s.up
-    if wrong_units:
-        said.append(said_of_units(s.height, s.size, likely=s.likely_units, how=f'units = "{s.likely_units}"'))
-    elif wrong_up:
-        said.append(said_of_up(s.height, likely=s.likely_up, how=f'up = "{s.likely_up}"'))
-    elif low[:, 2].min() > 0.1:
-        said.append(f"stands {low[:, 2].min():.2g} m above the floor (z = 0) in every frame")
-    elif low[:, 2].max() < -0.1:
-        said.append(f"reaches {-low[:, 2].max():.2g} m below the floor (z = 0) in every frame")
+    s, said = summary, list(_place_warnings(summary))
     if s.gaps:
         said.append(f"frames {_gap_text(s.gaps)}")
     if s.fps_from == "assumed":
@@ -276,3 +272,24 @@ def capture_warnings(summary: CaptureSummary) -> tuple[str, ...]:
     if s.missing_textures:
         said.append(f"{len(s.missing_textures)} texture files are missing, first {s.missing_textures[0]}")
     return tuple(f"{s.name}: {sentence}" for sentence in said)
+
+
+def _place_warnings(summary: CaptureSummary) -> Iterator[str]:
+    """What looks wrong with units, up axis and place."""
+    s, (low, _) = summary, _limits(summary.frames)
+    x, y, _ = s.middle
+    away = float(np.hypot(x, y))
+    if s.likely_units != s.units:
+        yield said_of_units(s.height, s.size, likely=s.likely_units, how=f'units = "{s.likely_units}"')
+        return
+    if s.likely_up != s.up:
+        yield said_of_up(s.height, likely=s.likely_up, how=f'up = "{s.likely_up}"')
+    elif low[:, 2].min() > 0.1:
+        yield f"stands {low[:, 2].min():.2g} m above the floor (z = 0) in every frame"
+    elif low[:, 2].max() < -0.1:
+        yield f"reaches {-low[:, 2].max():.2g} m below the floor (z = 0) in every frame"
+    if away > FAR_AWAY:
+        yield (
+            f"lies {away / 1000:.3g} km from the origin, where most programs are coarse: "
+            f"take ({round(x, -2):.0f}, {round(y, -2):.0f}) m off its x and y (z up)"
+        )

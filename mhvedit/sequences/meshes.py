@@ -3,11 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from mhvedit.errors import MissingFrame, ShapeError
 from mhvedit.geometry.arrays import FloatArray, Int32Array, IntArray
+
+BODY: Final = "body"  # the whole captured mesh, as a part and as a solid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,9 +47,10 @@ class MeshSequence:
     numbers: tuple[int, ...]  # ascending, as in the file names; gaps are kept
     fps: float  # Hz
     load: Callable[[int], Mesh]  # frame number -> mesh in metres, z up
-    files: tuple[Path, ...] = ()  # the file of each frame, or the one that holds all; where it came from files
+    files: tuple[Path, ...] = ()  # the file of each frame, or those that hold all; where it came from files
     place: Callable[[int], FloatArray] | None = None  # `areas.place_of` a frame, where that is kept beside it
     made_of: Mapping[int, int] = field(default_factory=dict)  # of a frame that was made of a captured one: which
+    per_frame: bool = False  # whether there is a file for each frame
 
     def mesh(self, number: int) -> Mesh:
         """Read one frame.

@@ -59,7 +59,7 @@ def open_capture(
     rate = float(fps or source.fps or ASSUMED_FPS)
     load = partial(load_frame, source=source, units=units, up=up, cache=cache)
     place = None if cache is None else partial(load_place, source=source, units=units, up=up, cache=cache)
-    return MeshSequence(name, source.numbers, rate, load, source.files, place)
+    return MeshSequence(name, source.numbers, rate, load, source.files, place, per_frame=source.per_frame)
 
 
 def open_source(path: Path, known: Contents | None = None) -> FrameSource:
@@ -77,9 +77,9 @@ def open_source(path: Path, known: Contents | None = None) -> FrameSource:
     if not path.exists():
         raise CaptureError(path, "a folder of numbered meshes, a .npz or a USD file", "nothing")
     if path.suffix.lower() == ".npz":
-        return NpzSource(path)
+        return NpzSource(path, known)
     if path.suffix.lower() in USD_SUFFIXES:
-        return UsdSource(path)
+        return UsdSource(path, known)
     raise CaptureError(path, "a folder of numbered meshes, a .npz or a USD file", f"a {path.suffix or 'nameless'} file")
 
 

@@ -4,7 +4,6 @@ import os
 import re
 import threading
 import zipfile
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from mhvedit.errors import CaptureError, counted
 from mhvedit.files import ONE_HEADER, UNREADABLE, found_instead, load_npz
 from mhvedit.geometry.arrays import IntArray
-from mhvedit.sequences.contents import Contents, hash_of_bytes
+from mhvedit.sequences.contents import Contents, Stamp, hash_of_bytes, stamp_of
 from mhvedit.sequences.formats import PARSERS, parse_mesh
 from mhvedit.sequences.raw import RawMesh, checked_mesh
 
@@ -28,7 +27,11 @@ class FrameSource(Protocol):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The file of each frame, or the one file that holds all."""
+        """The file of each frame, or those that hold all, the one that was opened first."""
+
+    @property
+    def per_frame(self) -> bool:
+        """Whether each frame has a file of its own."""
 
     @property
     def fps(self) -> float | None:
@@ -44,7 +47,7 @@ class FrameSource(Protocol):
 class FolderSource:
     """A folder of numbered mesh files; a file that has not changed since is not hashed again."""
 
-    fps = None
+    fps, per_frame = None, True
 
     def __init__(self, folder: Path, known: Contents | None = None) -> None:
         """Look through a folder; `known`: hashes that are remembered, for others to share."""
@@ -132,9 +135,12 @@ def _has_meshes(folder: Path) -> bool:
 class NpzSource:
     """One .npz, described in `docs/scene-file.md`; its arrays are read when the first frame is asked for, and kept."""
 
-    def __init__(self, path: Path) -> None:
+    per_frame = False
+
+    def __init__(self, path: Path, known: Contents | None = None) -> None:
+        """Look at what the file holds; `known`: hashes that are remembered."""
         self._path, self._lock, self._arrays = path, threading.Lock(), dict[str, NDArray[Any]]()
-        self._stamp = stamp_of(path, (path,))
+        self._held = HeldOpen(path, (path,), known)
         small, shapes = _npz_overview(path)
         self._rows = {"vertices": _offsets(small["vertex_counts"]), "faces": _offsets(small["face_counts"])}
         _check_npz(path, small, shapes)
@@ -144,14 +150,13 @@ class NpzSource:
         self.numbers, self.files = tuple(self._place), (path,)
         self.fps = float(small["fps"].reshape(-1)[0]) if "fps" in small else None
 
-    def __reduce__(self) -> tuple[type["NpzSource"], tuple[Path]]:
+    def __reduce__(self) -> tuple[type["NpzSource"], tuple[Path, Contents]]:
         """Another process opens the file for itself."""
-        return NpzSource, (self._path,)
+        return NpzSource, (self._path, self._held.known)
 
     def opened(self, number: int) -> tuple[str, None]:
-        """The file's place, size and time of change, and the frame."""
-        check_unchanged(self._path, (self._path,), self._stamp)
-        return f"{self._stamp}:{number}", None
+        """What the file holds, and the frame."""
+        return f"{self._held.identity()}:{number}", None
 
     def parsed(self, number: int, opened: None) -> RawMesh:
         """One frame; integers become metres by scale and origin."""
@@ -262,24 +267,42 @@ def _offsets(counts: NDArray[Any]) -> IntArray:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def stamp_of(path: Path, files: Iterable[Path]) -> str:
-    """Place, size and time of change of the files of a capture, which are too large to be hashed for every frame.
+class HeldOpen:
+    """The files of a capture that stays open: what is read of them is kept as theirs, so they must stay the same."""
 
-    Raises:
-        CaptureError: one of them cannot be looked at.
-    """
-    try:
-        states = [(file.resolve(), file.stat()) for file in files]
-    except OSError as error:
-        raise CaptureError(error.filename or path, "a file that can be read", str(error.strerror)) from error
-    return ";".join(f"{place}:{state.st_size}:{state.st_mtime_ns}" for place, state in states)
+    def __init__(self, path: Path, files: tuple[Path, ...], known: Contents | None) -> None:
+        """Note how the files stand.
 
+        Args:
+            path: of the capture, to be told.
+            files: that it is read from.
+            known: hashes that are remembered.
 
-def check_unchanged(path: Path, files: Iterable[Path], stamp: str) -> None:
-    """See to it that the files of a capture are those that were opened: what is read of them is kept as theirs.
+        Raises:
+            CaptureError: one of the files cannot be looked at.
+        """
+        self.known = Contents(None) if known is None else known
+        self._path, self._files, self._lock = path, files, threading.Lock()
+        self._stamps, self._identity = self._looked_at(), ""
 
-    Raises:
-        CaptureError: a file is another one by now, or gone.
-    """
-    if stamp_of(path, files) != stamp:
-        raise CaptureError(path, "a file that stays as it is while it is open (open it again)", "a change")
+    def identity(self) -> str:
+        """What the files hold, as a hash.
+
+        Raises:
+            CaptureError: they hold something else by now, or are gone.
+        """
+        stamps = self._looked_at()
+        with self._lock:
+            if not self._identity or stamps != self._stamps:
+                held = self.known.of(self._files)
+                if stamps != self._stamps and held != self._identity:
+                    expected = "a file that stays as it is while it is open (open it again)"
+                    raise CaptureError(self._path, expected, "a change")
+                self._stamps, self._identity = stamps, held
+            return self._identity
+
+    def _looked_at(self) -> list[Stamp]:
+        try:
+            return [stamp_of(file) for file in self._files]
+        except OSError as error:
+            raise CaptureError(error.filename or self._path, "a file that can be read", str(error.strerror)) from error

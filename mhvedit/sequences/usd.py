@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from mhvedit.errors import CaptureError, MhveditError, MissingLibrary
 from mhvedit.geometry.arrays import FloatArray, IntArray
+from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.raw import RawMesh, checked_mesh, triangulate
-from mhvedit.sequences.sources import check_unchanged, stamp_of
+from mhvedit.sequences.sources import HeldOpen
 
 Piece = tuple[NDArray[Any], IntArray, IntArray | None]  # points in stage space, triangles, labels
 
@@ -35,31 +36,29 @@ class UsdSource:
     subdivision: what is read is the cage.
     """
 
-    def __init__(self, path: Path) -> None:
+    per_frame = False
+
+    def __init__(self, path: Path, known: Contents | None = None) -> None:
+        """Open the stage; `known`: hashes that are remembered."""
         self._path, self._lock = path, threading.Lock()
+        self.files = stage_files(path)
         with _readable(path):
+            self._held = HeldOpen(path, self.files, known)
             self._stage, self._meshes = _opened_stage(path)
-            self._stamp = stamp_of(path, self._layers())
             times = sorted(set[float]().union(*(_sample_times(mesh) for mesh in self._meshes)))
             authored = self._stage.HasAuthoredMetadata("timeCodesPerSecond")
             self.fps = float(self._stage.GetTimeCodesPerSecond()) if authored else None
             self.axes = _stage_axes(self._stage)
         self._sampled = bool(times)
-        self.numbers, self.files = _frame_numbers(path, times), (path,)
+        self.numbers = _frame_numbers(path, times)
 
-    def __reduce__(self) -> tuple[type["UsdSource"], tuple[Path]]:
+    def __reduce__(self) -> tuple[type["UsdSource"], tuple[Path, Contents]]:
         """Another process opens the stage for itself."""
-        return UsdSource, (self._path,)
+        return UsdSource, (self._path, self._held.known)
 
     def opened(self, number: int) -> tuple[str, None]:
-        """Place, size and time of change of every layer, and the frame."""
-        check_unchanged(self._path, self._layers(), self._stamp)
-        return f"{self._stamp}:{number}", None
-
-    def _layers(self) -> list[Path]:
-        """The files that the stage is read from; those in a .usdz are that file."""
-        places = {layer.realPath.split("[")[0] for layer in self._stage.GetUsedLayers(True) if layer.realPath}
-        return [Path(place) for place in sorted(places)]
+        """What all layers hold, and the frame."""
+        return f"{self._held.identity()}:{number}", None
 
     def parsed(self, number: int, opened: None) -> RawMesh:
         """All meshes of a frame as one."""
@@ -109,11 +108,32 @@ def _in_words(error: Exception) -> str:
     return re.sub(r"(matching )?\S*pxrInternal\S* ?", "", within[1] if within else said)[:200]
 
 
+def stage_files(path: Path) -> tuple[Path, ...]:
+    """All files that a stage is read from: its own, and those of layers, references, payloads and value clips.
+
+    Layers that something else holds open are shared, as they were when that was opened: they are read anew.
+
+    Raises:
+        CaptureError: it is no stage.
+        MissingLibrary: usd-core is not installed.
+    """
+    _pxr()
+    from pxr import UsdUtils
+
+    with _readable(path):
+        unheard = UsdUtils.CoalescingDiagnosticDelegate()  # of warnings: names of clips that are templates
+        layers, _, _ = UsdUtils.ComputeAllDependencies(str(path))
+        del unheard
+        for layer in layers:
+            layer.Reload()
+    places = {Path(layer.realPath.split("[")[0]).resolve() for layer in layers if layer.realPath}  # or their .usdz
+    return (path, *sorted(places - {path.resolve()}))
+
+
 def _opened_stage(path: Path) -> tuple[Any, list[Any]]:
     """The stage, with held interpolation, and its meshes."""
     usd, geom = _pxr()
     stage = usd.Stage.Open(str(path))
-    stage.Reload()  # layers that something else holds open are shared, as they were when that was opened
     stage.SetInterpolationType(usd.InterpolationTypeHeld)
     predicate = usd.TraverseInstanceProxies()
     meshes = [geom.Mesh(prim) for prim in stage.Traverse(predicate) if prim.IsA(geom.Mesh)]

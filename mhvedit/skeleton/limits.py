@@ -1,6 +1,6 @@
 """Joint limits: what a motion does beyond them is reported, never silently clipped."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -49,10 +49,3 @@ def said_beyond_limits(skeleton: Skeleton, motion: Motion) -> tuple[str, ...]:
             f"frames, by {found.excess[k] * scale:.1f} {unit} in frame {found.frame[k]}"
         )
     return tuple(lines)
-
-
-def limits_with_motion(skeleton: Skeleton, motion: Motion) -> Skeleton:
-    """The same skeleton with limits that include all that a motion does."""
-    low = np.minimum(skeleton.limits[:, 0], motion.q.min(0))
-    high = np.maximum(skeleton.limits[:, 1], motion.q.max(0))
-    return replace(skeleton, limits=np.stack([low, high], 1))

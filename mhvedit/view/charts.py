@@ -1,4 +1,4 @@
-"""Charts: what rejected the poses, where people went, what it cost, and how the scene holds together over time."""
+"""Charts: where people went, and how the scene holds together over time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ from textwrap import fill
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from mhvedit.errors import ShapeError
 from mhvedit.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -26,7 +25,6 @@ from mhvedit.view.style import (
     WARNING,
     dress,
     new_figure,
-    reason_colours,
     shorter,
     subject_colours,
 )
@@ -53,36 +51,6 @@ class SceneCheck:
         for name, values in named.items():
             if values.shape != expected:
                 raise ShapeError(name, values.shape, expected)
-
-
-def rejections(counts: Mapping[str, int], *, title: str = "What became of the poses") -> Figure:
-    """Bars of how many poses each reason took, on a logarithmic scale.
-
-    Args:
-        counts: by reason, in the order of the constraints; `accepted` first.
-        title: of the chart.
-    """
-    names = [name for name in counts if name != "outside the window"]
-    numbers = np.array([counts[name] for name in names])
-    figure = new_figure(8.0, 1.3 + 0.42 * len(names))
-    axes = figure.add_axes((0.37, 0.62 / (1.3 + 0.42 * len(names)), 0.58, 1 - 1.15 / (1.3 + 0.42 * len(names))))
-    axes.barh(
-        range(len(names)),
-        np.maximum(numbers, 0.5),
-        color=reason_colours(names),
-        edgecolor=MUTED,
-        linewidth=0.6,
-        height=0.7,
-    )
-    axes.set_xscale("log")
-    axes.set_xlim(0.8, max(10.0, float(numbers.max(initial=1)) * 8))
-    for row, number in enumerate(numbers):
-        axes.text(max(number, 1) * 1.2, row, f"{number:,}", va="center", fontsize=SMALL, color=INK)
-    axes.set_yticks(range(len(names)), [shorter(name, 38) for name in names])
-    axes.invert_yaxis()
-    dress(axes, title=title, x="poses (log scale)")
-    axes.tick_params(axis="y", labelsize=TEXT, colors=INK, length=0)
-    return figure
 
 
 def trajectories(scene: EditedScene, centres: Mapping[str, FloatArray]) -> Figure:
@@ -114,33 +82,6 @@ def placed_centres(scene: EditedScene, name: str, centres: FloatArray) -> FloatA
     """(N, 2) m in the world, of centres in a subject's capture frame."""
     placements = scene.subjects[name].placements
     return np.array([apply_pose(pose, centre) for pose, centre in zip(placements, centres[:, :2], strict=True)])
-
-
-def cost_bars(costs: Mapping[str, Mapping[str, float]]) -> Figure:
-    """What each key segment costs, split into its terms.
-
-    Args:
-        costs: by segment, by term, m^2.
-    """
-    names, terms = list(costs), list(dict.fromkeys(term for parts in costs.values() for term in parts))
-    height = 1.5 + 0.4 * len(names)
-    figure = new_figure(8.0, height)
-    axes = figure.add_axes((0.3, 0.65 / height, 0.65, 1 - 1.3 / height))
-    start = np.zeros(len(names))
-    for term, colour in zip(terms, _cycle(len(terms)), strict=True):
-        width = np.array([costs[name].get(term, 0.0) for name in names])
-        axes.barh(range(len(names)), width, left=start, color=colour, height=0.7, label=term)
-        start += width
-    for row, total in enumerate(start):
-        axes.text(total, row, f"  {total:.3g}", va="center", fontsize=SMALL, color=INK)
-    axes.set_xlim(0, max(1e-9, float(start.max(initial=0.0))) * 1.18)
-    axes.set_yticks(range(len(names)), [shorter(name, 24) for name in names])
-    axes.invert_yaxis()
-    dress(axes, title="Cost per key segment", x="cost, m²")
-    axes.tick_params(axis="y", labelsize=TEXT, colors=INK, length=0)
-    axes.xaxis.set_major_locator(MaxNLocator(5))
-    axes.legend(fontsize=SMALL, frameon=False, labelcolor=INK, loc="best")
-    return figure
 
 
 def over_time(scene: EditedScene, check: SceneCheck, *, limit_mm: float | None = None) -> Figure:
@@ -282,7 +223,3 @@ def spread_labels(spots: FloatArray, *, gap: float) -> FloatArray:
         distance = np.linalg.norm(off, axis=1, keepdims=True)
         places = places + 0.4 * push + 0.1 * off / np.maximum(distance, 1e-9) * np.clip(gap - distance, 0, None)
     return np.asarray(places)
-
-
-def _cycle(count: int) -> list[str]:
-    return [SUBJECTS[i % len(SUBJECTS)] for i in range(count)]

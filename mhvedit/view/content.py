@@ -41,14 +41,10 @@ class SegmentStory:
     chosen: int | None = None  # row of the group
     asked: Sequence[str] = ()  # more of what was asked, in words: tolerances, visibility, a pin
     half_angle: float | None = None  # of the cones of sight, rad
-    shown: int | None = None  # frame of the segment that is shown, from 0; None for the type's own moment
     killed_by: str = ""  # for an empty group: the constraint that kills it, in words
     nearest: str = ""  # for an empty group: how far the nearest pose is from passing, in words
-    nearest_pose: FloatArray | None = None  # (3,) of B in A, canonical frames, to draw where nothing was chosen
-    cost: Mapping[str, float] = field(default_factory=dict)  # by term, m^2
     figures: Mapping[str, str] = field(default_factory=dict)  # more numbers: name -> value with its unit
     notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +55,7 @@ class CaptureStory:
     facts: Mapping[str, str] = field(default_factory=dict)  # frames, faces, height: name -> value with its unit
     facing: str = ""  # where the facing comes from, in words
     facing_trust: float | None = None  # 0 .. 1
-    gaze: str = ""
-    gaze_trust: float | None = None  # 0 .. 1
+    gaze: str = ""  # where the gaze comes from, in words
     notes: Sequence[str] = ()
     fitted: FittedStory | None = None  # where a skeleton was fitted and the capture repaired
 
@@ -78,7 +73,6 @@ class ReportContent:
     check: SceneCheck | None = None
     limit_mm: float | None = None  # how deep bodies may sink into each other
     centres: Mapping[str, FloatArray] = field(default_factory=dict)  # by subject: (N, 2) m, see `trajectories`
-    verdict: str = ""  # one sentence; empty: made from the stories and the check
     passed: bool | None = None  # None: all segments placed
     about: Sequence[CaptureStory] = ()
     warnings: Sequence[str] = ()

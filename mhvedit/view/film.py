@@ -83,17 +83,16 @@ def fixed_cameras(boxes: FloatArray, *, aspect: float) -> list[Camera]:
     return [_camera(boxes, looks, aspect=aspect)] * len(boxes)
 
 
-def orbit_cameras(boxes: FloatArray, *, aspect: float, turns: float = 1.0) -> list[Camera]:
-    """A camera that goes round the scene at one height and one distance, from which it always sees everybody.
+def orbit_cameras(boxes: FloatArray, *, aspect: float) -> list[Camera]:
+    """A camera that goes once round the scene at one height and one distance, from which it always sees everybody.
 
     Args:
         boxes: of `scene_boxes`.
         aspect: width of the picture over its height.
-        turns: from the first frame to the last.
     """
     along = _main_way(boxes)
     start = np.arctan2(along[0], -along[1])
-    angles = start + 2 * np.pi * turns * np.arange(len(boxes)) / len(boxes)
+    angles = start + 2 * np.pi * np.arange(len(boxes)) / len(boxes)
     ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(boxes))], 1)
     looks = np.cos(ELEVATION) * ways - np.sin(ELEVATION) * UP
     target = (boxes[:, :, 0].min((0, 1)) + boxes[:, :, 1].max((0, 1))) / 2

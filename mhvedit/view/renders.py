@@ -9,6 +9,7 @@ import pyvista
 from skimage.measure import marching_cubes
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
+from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.scene.edit import EditedScene, placed_mesh, placed_prop
 from mhvedit.sequences.meshes import Mesh, MeshSequence, joined
@@ -74,8 +75,8 @@ def frame_picture(
     with _on(plotter, size) as stage:
         width, height = stage.window_size
         camera = view if isinstance(view, Camera) else camera_of(view, meshes, aspect=width / height)
-        _set_stage(stage, meshes, props)
-        return take_picture(stage, camera)
+        offset = _set_stage(stage, meshes, props)
+        return take_picture(stage, camera.moved(-offset))
 
 
 def first_person(
@@ -86,7 +87,6 @@ def first_person(
     props: Sequence[Mesh] = (),
     own: str | None = None,
     half_angle: float | None = None,
-    size: Size = FRAME_SIZE,
     plotter: pyvista.Plotter | None = None,
 ) -> ByteArray:
     """What somebody sees.
@@ -98,7 +98,6 @@ def first_person(
         props: in the world.
         own: whose eye it is: that one's head is left out, and with it what is as near.
         half_angle: of the cone of sight, rad, drawn as a ring.
-        size: of a plotter of its own, where none is given.
         plotter: of `studio`, to draw many pictures with.
 
     Returns:
@@ -109,9 +108,10 @@ def first_person(
     """
     forward = direction / np.linalg.norm(direction)
     up = UP if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
-    with _on(plotter, size) as stage:
-        _set_stage(stage, {name: without_head(m, eye) if name == own else m for name, m in meshes.items()}, props)
-        picture = take_picture(stage, Camera(eye, eye + forward, up, EYE_ANGLE, EYE_NEAR))
+    with _on(plotter, FRAME_SIZE) as stage:
+        shown = {name: without_head(m, eye) if name == own else m for name, m in meshes.items()}
+        offset = _set_stage(stage, shown, props)
+        picture = take_picture(stage, Camera(eye, eye + forward, up, EYE_ANGLE, EYE_NEAR).moved(-offset))
     if half_angle is None:
         return picture
     return ringed(picture, np.tan(half_angle) / np.tan(np.radians(EYE_ANGLE) / 2) * picture.shape[0] / 2)
@@ -130,7 +130,6 @@ def volume_picture(
     colouring: Colouring = Colouring.TIME,
     bodies: tuple[MotionHistoryVolume, MotionHistoryVolume] | None = None,
     frame: int = -1,
-    size: Size = FRAME_SIZE,
     plotter: pyvista.Plotter | None = None,
 ) -> ByteArray:
     """The two interest volumes of a segment where they meet.
@@ -141,7 +140,6 @@ def volume_picture(
         colouring: by the last frame in which a voxel is filled, or by surface label.
         bodies: of A and B, shown faintly in one frame.
         frame: of the segment, in which the bodies are shown.
-        size: of a plotter of its own, where none is given.
         plotter: of `studio`, to draw many pictures with.
 
     Returns:
@@ -152,7 +150,7 @@ def volume_picture(
     """
     poses = (np.zeros(3), np.asarray(pose, np.float64))
     colours = colours_by_time if colouring is Colouring.TIME else colours_by_label
-    with _on(plotter, size) as stage:
+    with _on(plotter, FRAME_SIZE) as stage:
         width, height = stage.window_size
         empty_stage(stage)
         points = [apply_pose(p, _surface_points(part)) for part, p in zip(parts, poses, strict=True)]
@@ -302,16 +300,24 @@ def _on(plotter: pyvista.Plotter | None, size: Size) -> Iterator[pyvista.Plotter
         yield own
 
 
-def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh], props: Sequence[Mesh] = ()) -> None:
+def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh], props: Sequence[Mesh] = ()) -> FloatArray:
+    """Put everything on the stage, without a round offset where it is far from the origin; returns that, (3,) m."""
     empty_stage(stage)
+    offset = round_offset(middle_in_plan(np.concatenate([mesh.vertices for mesh in meshes.values()])))
+    people, things = [_without(mesh, offset) for mesh in meshes.values()], [_without(mesh, offset) for mesh in props]
     colours = subject_colours(list(meshes))
-    for name, mesh in meshes.items():
+    for name, mesh in zip(meshes, people, strict=True):
         add_person(stage, mesh, colours[name])
-    for mesh in props:
+    for mesh in things:
         add_prop(stage, mesh)
-    clouds = [mesh.vertices for mesh in meshes.values()]
+    clouds = [mesh.vertices for mesh in people]
     middle = np.concatenate(clouds)[:, :2].mean(0)
-    add_floor(stage, middle, clouds + [mesh.vertices for mesh in props])
+    add_floor(stage, middle, clouds + [mesh.vertices for mesh in things])
+    return np.array([*offset, 0.0])
+
+
+def _without(mesh: Mesh, offset: FloatArray) -> Mesh:
+    return Mesh(without_offset(mesh.vertices, offset), mesh.faces)
 
 
 def _apart(meshes: Mapping[str, Mesh]) -> FloatArray:

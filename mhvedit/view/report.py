@@ -11,7 +11,7 @@ from mhvedit.errors import MissingLibrary, counted
 from mhvedit.files import replacing
 from mhvedit.search.solve import ReasonMap
 from mhvedit.view import markup
-from mhvedit.view.charts import cost_bars, over_time, trajectories
+from mhvedit.view.charts import over_time, trajectories
 from mhvedit.view.content import CaptureStory, ReportContent, SegmentStory
 from mhvedit.view.placement import MapSummary, ShownBodies, placement_map, summarise
 from mhvedit.view.skeletons import fitted_strip
@@ -36,7 +36,6 @@ MAP_WORDS = (
     "The dial counts all facings that fit; the arrow is the chosen one."
 )
 FITTED_WORDS = "The fitted skeleton over the repaired capture; titles of edited frames are orange."
-COST_WORDS = "How far the edit departs from how people moved and faced; 0 is no change."
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -135,7 +134,7 @@ def _segment(content: ReportContent, number: int, story: SegmentStory, drawn: St
     inner = markup.paragraph(f"Key segment {number} of {len(content.stories)}", "eyebrow")
     inner += markup.element("h2", escape(story.name)) + _asked(story)
     inner += markup.paragraph(solutions_in_words(story), "found") if story.group is None or len(story.group) else ""
-    inner += _why_empty(story) + markup.bullets(story.warnings, "warnings")
+    inner += _why_empty(story)
     inner += markup.figures(drawn.strip, "")
     seen = summarise(story.found) if isinstance(story.found, ReasonMap) else story.found
     inner += _map(content, story, seen)
@@ -222,11 +221,6 @@ def _chosen_numbers(content: ReportContent, story: SegmentStory) -> dict[str, st
         depth = content.check.penetration_mm[edit.start : edit.stop]
         if np.isfinite(depth).any():
             rows["Deepest penetration"] = f"{np.nanmax(depth):.0f} mm in frame {edit.start + int(np.nanargmax(depth))}"
-    if story.cost:
-        total = sum(sum(other.cost.values()) for other in content.stories)
-        own = sum(story.cost.values())
-        terms = ", ".join(f"{name} {value:.3g}" for name, value in story.cost.items())
-        rows["Cost"] = f"{own:.3g} m² ({own / total if total else 0:.0%} of the scene’s): {terms}"
     return rows | dict(story.figures)
 
 
@@ -243,10 +237,7 @@ def _whole_scene(content: ReportContent) -> str:
         inner += markup.element(
             "div", chart(drawn, alt, "Measured on the meshes; key segments are shaded."), class_="row"
         )
-    costs = {story.name: story.cost for story in content.stories if story.cost}
-    if costs:
-        bars = chart(cost_bars(costs), "Cost of each key segment, m²", COST_WORDS)
-        inner += markup.element("div", bars + _gap_panel(content), class_="row half")
+    inner += _gap_panel(content)
     if not inner:
         return ""
     heading = markup.paragraph("All key segments together", "eyebrow") + markup.element("h2", "The whole scene")
@@ -283,7 +274,7 @@ def _capture(story: CaptureStory) -> str:
     if story.facing:
         rows += _row("facing", escape(story.facing)) + _row("trust in it", markup.trust(story.facing_trust))
     if story.gaze:
-        rows += _row("gaze", escape(story.gaze)) + _row("trust in it", markup.trust(story.gaze_trust))
+        rows += _row("gaze", escape(story.gaze))
     inner = f"<table><tbody>{rows}</tbody></table>" + markup.bullets(story.notes)
     if story.fitted is not None:
         inner += chart(fitted_strip(story.fitted), f"skeleton fitted to {story.name}", FITTED_WORDS)

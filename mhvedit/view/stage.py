@@ -28,14 +28,14 @@ FACE_AXES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 
 
-def add_person(plotter: pyvista.Plotter, mesh: Mesh, colour: str, *, opacity: float = 1.0) -> None:
+def add_person(plotter: pyvista.Plotter, mesh: Mesh, colour: str) -> None:
     """A captured body, smoothly shaded."""
     if not len(mesh.faces):
         return
     surface = pyvista.PolyData.from_regular_faces(mesh.vertices.astype(np.float32), mesh.faces)
     surface.point_data.active_normals = vertex_normals(mesh.vertices, mesh.faces)
     plotter.add_mesh(
-        surface, color=lighter(colour, PALER), opacity=opacity, smooth_shading=True, split_sharp_edges=False,
+        surface, color=lighter(colour, PALER), smooth_shading=True, split_sharp_edges=False,
         ambient=0.22, diffuse=0.85, specular=0.12, specular_power=12, render=False, reset_camera=False,
         show_scalar_bar=False,
     )  # fmt: skip

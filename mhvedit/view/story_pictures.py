@@ -95,14 +95,14 @@ def scene_filmstrip(
     Raises:
         MissingLibrary: nothing can be drawn on this machine.
     """
-    numbers = telling_frames(scene, n)
+    numbers = spread_frames(scene, n)
     frames = [scene_meshes(scene, captures, number, things=things) for number in numbers]
     captions = [f"{number / scene.fps:.1f} s" for number in numbers]
     props = [prop_meshes(scene, captures, number) for number in numbers]
     return filmstrip(frames, captions, props=props, plotter=plotter)
 
 
-def telling_frames(scene: EditedScene, n: int) -> list[int]:
+def spread_frames(scene: EditedScene, n: int) -> list[int]:
     """Frames spread over the scene, each moved to the nearest end of a key segment, if one is near."""
     even = np.linspace(0, scene.n_frames - 1, n)
     reach = 0.4 * scene.n_frames / max(1, n - 1)
@@ -125,7 +125,7 @@ def _scene_strip(content: ReportContent, strips: pyvista.Plotter) -> Picture | N
         return None
     picture = scene_filmstrip(content.scene, content.captures, things=content.things, plotter=strips)
     names = " and ".join(content.scene.subjects)
-    seconds = ", ".join(f"{f / content.scene.fps:.1f}" for f in telling_frames(content.scene, SCENE_FRAMES))
+    seconds = ", ".join(f"{f / content.scene.fps:.1f}" for f in spread_frames(content.scene, SCENE_FRAMES))
     return as_picture(
         picture, f"{names} at {seconds} seconds of the edited scene, seen from the side", "The edited scene"
     )
@@ -210,11 +210,9 @@ def _eye_pictures(
 
 
 def _volume_pictures(content: ReportContent, story: SegmentStory, stills: pyvista.Plotter) -> tuple[Picture, ...]:
-    pose = story.nearest_pose
-    if story.chosen is not None and story.group is not None:
-        pose = story.group.poses[story.chosen]
-    if pose is None or story.a.part_volume is None or story.b.part_volume is None:
+    if story.chosen is None or story.group is None or story.a.part_volume is None or story.b.part_volume is None:
         return ()
+    pose = story.group.poses[story.chosen]
     parts = (story.a.part_volume, story.b.part_volume)
     bodies = None
     if story.a.body_volume is not None and story.b.body_volume is not None:

@@ -37,8 +37,6 @@ def asked_in_words(story: SegmentStory) -> str:
 
 def verdict_of(content: ReportContent) -> str:
     """One sentence on the whole scene."""
-    if content.verdict:
-        return content.verdict
     placed = sum(story.chosen is not None for story in content.stories)
     sentence = f"{placed} of {len(content.stories)} segments placed"
     where = deepest(content)
@@ -88,8 +86,6 @@ def edit_of(content: ReportContent, story: SegmentStory) -> SegmentEdit | None:
 
 def shown_frame(content: ReportContent, story: SegmentStory) -> int:
     """Frame of the segment that is shown: where its type wants the contact, or else where it is."""
-    if story.shown is not None:
-        return story.shown
     if story.interaction in FIRST:
         return 0
     if story.interaction in LAST:

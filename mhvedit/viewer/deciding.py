@@ -55,9 +55,9 @@ def region_excluded(state: ViewerState) -> ViewerState:
     return _excluded(state, None, pi)
 
 
-def near_excluded(state: ViewerState, *, radius: float = NEIGHBOURHOOD, turn: float = TURN) -> ViewerState:
+def near_excluded(state: ViewerState) -> ViewerState:
     """Without the solutions that are near the one that is looked at."""
-    return _excluded(state, radius, turn)
+    return _excluded(state, NEIGHBOURHOOD, TURN)
 
 
 def _excluded(state: ViewerState, radius: float | None, turn: float) -> ViewerState:

@@ -1,13 +1,14 @@
 """Frames ready to be drawn, kept up to a limit in bytes: long clips play without filling the memory."""
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mhvedit.geometry.arrays import Int32Array
+from mhvedit.geometry.arrays import FloatArray, Int32Array
+from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
 from mhvedit.sequences.meshes import joined
 from mhvedit.view.stage import vertex_normals
 from mhvedit.viewer.material import Actor
@@ -20,9 +21,10 @@ Float32Array = NDArray[np.float32]
 class DrawnFrame:
     """A person and what they hold in one frame of the capture, as the graphics take it."""
 
-    points: Float32Array  # (V, 3) m, capture frame
+    points: Float32Array  # (V, 3) m, capture frame, without the offset
     normals: Float32Array  # (V, 3) unit
     faces: Int32Array  # (F, 3)
+    offset: FloatArray = field(default_factory=lambda: np.zeros(2))  # (2,) whole m; not 0 far from the origin
 
     @property
     def n_bytes(self) -> int:
@@ -75,4 +77,6 @@ def read_frame(actor: Actor, number: int) -> DrawnFrame:
     held = [thing.mesh(number) for thing in actor.things if number in thing.numbers]
     mesh = joined([actor.sequence.mesh(number), *held])
     faces = np.ascontiguousarray(mesh.faces, np.int32)
-    return DrawnFrame(mesh.vertices.astype(np.float32), vertex_normals(mesh.vertices, faces).astype(np.float32), faces)
+    offset = round_offset(middle_in_plan(mesh.vertices))
+    points, normals = without_offset(mesh.vertices, offset), vertex_normals(mesh.vertices, faces)
+    return DrawnFrame(points.astype(np.float32), normals.astype(np.float32), faces, offset)

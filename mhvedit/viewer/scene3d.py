@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonCore import VTK_INT
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
+from mhvedit.geometry.offsets import FAR, middle_in_plan, round_offset, without_offset
 from mhvedit.geometry.planar import apply_pose, compose, rotation
 from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.sequences.meshes import Mesh
@@ -27,16 +28,15 @@ from mhvedit.view.studio import UP, Camera
 from mhvedit.view.style import FLOOR, OK, WARNING, lighter, subject_colours
 from mhvedit.viewer.frames import DrawnFrame, FrameCache
 from mhvedit.viewer.material import Actor
+from mhvedit.viewer.shapes import cone, dashes, frame_along
 from mhvedit.viewer.state import CameraPreset, Layer, ViewerState, placements_at
 from mhvedit.volumes.history import MotionHistoryVolume
 
 Volumes = tuple[MotionHistoryVolume, MotionHistoryVolume]  # A's and B's interest parts, canonical frames
-CONE_LENGTH = 1.2  # m
-CONE_SIDES = 36
 PATH_HEIGHT = 0.012  # m above the floor
 PROP = "prop "  # and its name: of actors
 STILL_SAMPLES = 8  # of a still picture's edges; none while it plays, which is what software rendering can do
-FAR = 60.0  # m
+FURTHEST = 60.0  # m, what is further off is not seen
 EMPTY_STAGE = Camera(np.array([0.0, -6.0, 2.0]), np.array([0.0, 0.0, 0.8]), UP)
 
 
@@ -57,6 +57,8 @@ class Scene3D:
     frames: FrameCache = field(default_factory=FrameCache)
     bodies: dict[str, Body] = field(default_factory=dict)
     extras: dict[str, object] = field(default_factory=dict)  # by actor name, what it was made of
+    prop_offsets: dict[str, FloatArray] = field(default_factory=dict)  # by actor name, (2,) m, as of `DrawnFrame`
+    origin: FloatArray = field(default_factory=lambda: np.zeros(2))  # (2,) whole m in the world, of the stage
 
     def draw(self, state: ViewerState, volumes: Volumes | None = None) -> None:
         """Bring the stage up to a state; the picture is taken by whoever shows it.
@@ -65,6 +67,7 @@ class Scene3D:
             state: to be shown.
             volumes: of the current segment's interest parts, where they are known.
         """
+        self._settle(state)
         colours = subject_colours(list(state.material.tracks))
         placed = placements_at(state, state.frame)
         eyes = _own_eyes(state)
@@ -91,12 +94,30 @@ class Scene3D:
             state: to be shown.
             aspect: width of the picture over its height.
         """
-        set_camera(self.plotter, camera_for(self, state, aspect=aspect))
+        self._settle(state)
+        set_camera(self.plotter, camera_for(self, state, aspect=aspect).moved(-np.array([*self.origin, 0.0])))
 
     def follow(self, state: ViewerState) -> None:
         """Move a camera that looks through somebody's eyes along with them; others stay."""
         if _own_eyes(state) is not None:
-            set_camera(self.plotter, camera_for(self, state, aspect=1.0))
+            set_camera(self.plotter, camera_for(self, state, aspect=1.0).moved(-np.array([*self.origin, 0.0])))
+
+    def _settle(self, state: ViewerState) -> None:
+        """Move the stage's origin along with a scene that is far from it: graphics are float32."""
+        middle = middle_of(state)
+        if np.hypot(*(middle - self.origin)) <= FAR:
+            return
+        before, self.origin = self.origin, round_offset(middle)
+        for key in list(self.extras):
+            self._remove(key)
+        lens, step = self.plotter.camera, np.array([*(self.origin - before), 0.0])
+        lens.position = tuple(np.array(lens.position) - step)
+        lens.focal_point = tuple(np.array(lens.focal_point) - step)
+
+    def _matrix(self, pose: FloatArray, offset: FloatArray | None = None) -> FloatArray:
+        """(4, 4) of a planar pose in the world, about the stage's origin, for points without an offset."""
+        about = pose if offset is None else compose(pose, np.array([*offset, 0.0]))
+        return matrix(about - np.array([*self.origin, 0.0]))
 
     def _draw_body(self, name: str, frame: DrawnFrame, pose: FloatArray, colour: str, *, shown: bool) -> None:
         body = self.bodies.get(name)
@@ -112,7 +133,7 @@ class Scene3D:
         elif body.shown is not frame:
             fill(body.surface, frame)
             body.shown = frame
-        body.actor.user_matrix = matrix(pose)
+        body.actor.user_matrix = self._matrix(pose, frame.offset)
         body.actor.visibility = shown
 
     def _behead(self, name: str, frame: DrawnFrame, actor: Actor, number: int) -> None:
@@ -120,8 +141,8 @@ class Scene3D:
         look = actor.look_at(number)
         if look is None:
             return
-        near = ((frame.points - look[0]) ** 2).sum(1) < OWN_HEAD**2
-        kept = DrawnFrame(frame.points, frame.normals, frame.faces[~near[frame.faces].any(1)])
+        near = ((frame.points - without_offset(look[0], frame.offset)) ** 2).sum(1) < OWN_HEAD**2
+        kept = DrawnFrame(frame.points, frame.normals, frame.faces[~near[frame.faces].any(1)], frame.offset)
         fill(self.bodies[name].surface, kept)
         self.bodies[name].shown = None
 
@@ -132,10 +153,13 @@ class Scene3D:
         for name, prop in known.items():
             key, number = f"{PROP}{name}", int(prop.edit.frames[state.frame])
             if not self._is_drawn(key, (prop.sequence, number)):
-                add_prop(self.plotter, prop.sequence.mesh(number), key)
+                mesh = prop.sequence.mesh(number)
+                self.prop_offsets[key] = round_offset(middle_in_plan(mesh.vertices))
+                add_prop(self.plotter, Mesh(without_offset(mesh.vertices, self.prop_offsets[key]), mesh.faces), key)
             pose = np.eye(4)
             pose[:3, :3] = rotation_matrices(prop.edit.rotations[state.frame])
-            pose[:3, 3] = prop.edit.positions[state.frame]
+            stood = prop.edit.positions[state.frame] + pose[:3, :3] @ np.array([*self.prop_offsets[key], 0.0])
+            pose[:3, 3] = without_offset(stood, self.origin)
             self.plotter.actors[key].user_matrix = pose
 
     def _draw_floor(self, state: ViewerState) -> None:
@@ -143,7 +167,7 @@ class Scene3D:
         middle = np.round(middle_of(state), 1)
         if self._is_drawn("floor", (tuple(middle), len(places))):
             return
-        put_floor(self.plotter, middle)
+        put_floor(self.plotter, middle - self.origin)
 
     def _draw_paths(self, state: ViewerState, colours: Mapping[str, str]) -> None:
         for name, actor in state.material.cast.items():
@@ -155,7 +179,7 @@ class Scene3D:
                 centres = actor.centres_at(track.source)
                 first = track.placements[0]
                 path = placed_path(track.placements, centres) if layer is Layer.AFTER else apply_pose(first, centres)
-                points = np.column_stack([path, np.full(len(path), PATH_HEIGHT)])
+                points = np.column_stack([path - self.origin, np.full(len(path), PATH_HEIGHT)])
                 line = pyvista.lines_from_points(points) if layer is Layer.AFTER else dashes(points)
                 self.plotter.add_mesh(
                     line, color=colours[name], line_width=width, lighting=False, render=False, reset_camera=False,
@@ -177,7 +201,8 @@ class Scene3D:
             surface = cone(half_angle)
             axis = look[1] / np.linalg.norm(look[1])
             turned = np.asarray(surface.points) @ frame_along(axis).T + look[0]
-            surface.points = apply_pose(placed[name][1], turned).astype(np.float32)
+            stood = apply_pose(placed[name][1], turned)
+            surface.points = without_offset(stood, self.origin).astype(np.float32)
             self.plotter.add_mesh(
                 surface, color=colours[name], opacity=0.18, lighting=False, render=False, reset_camera=False, name=key,
                 pickable=False,
@@ -199,7 +224,7 @@ class Scene3D:
             key = f"volume {side}"
             if not self._is_drawn(key, (id(volume), state.colouring)):
                 add_volume(self.plotter, volume, colouring(volume), key)
-            self.plotter.actors[key].user_matrix = matrix(compose(placed[name][1], canonical))
+            self.plotter.actors[key].user_matrix = self._matrix(compose(placed[name][1], canonical))
 
     def _draw_preview_ring(self, state: ViewerState, placed: Mapping[str, tuple[int, FloatArray]]) -> None:
         """A ring under B while a pose is looked at: green for a solution, red for what is none."""
@@ -209,7 +234,7 @@ class Scene3D:
             return
         name = view.between[1]
         at = compose(placed[name][1], view.frames[1])
-        root = rotation(at[2]) @ view.grid.root_b + at[:2]
+        root = rotation(at[2]) @ view.grid.root_b + at[:2] - self.origin
         ring = pyvista.Disc(center=(root[0], root[1], 0.006), inner=0.30, outer=0.36, normal=(0, 0, 1), c_res=48)
         self.plotter.add_mesh(
             ring, color=WARNING if preview.row is None else OK, lighting=False, render=False, reset_camera=False,
@@ -274,7 +299,7 @@ def add_volume(plotter: pyvista.Plotter, volume: MotionHistoryVolume, colours: o
 
 
 def camera_for(scene: Scene3D, state: ViewerState, *, aspect: float) -> Camera:
-    """The camera of a state's preset.
+    """The camera of a state's preset, in the world.
 
     Args:
         scene: in which the meshes are.
@@ -295,7 +320,8 @@ def camera_for(scene: Scene3D, state: ViewerState, *, aspect: float) -> Camera:
     for name, (number, pose) in placed.items():
         if name in state.material.cast:
             frame = scene.frames.frame(name, state.material.cast[name], number)
-            meshes[name] = Mesh(apply_pose(pose, frame.points.astype(np.float64)), frame.faces)
+            points = without_offset(frame.points.astype(np.float64), -frame.offset)
+            meshes[name] = Mesh(apply_pose(pose, points), frame.faces)
     if not meshes:
         return EMPTY_STAGE
     return camera_of(views.get(state.camera, View.SIDE), meshes, aspect=aspect)
@@ -321,7 +347,7 @@ def set_camera(plotter: pyvista.Plotter, camera: Camera) -> None:
     lens = plotter.camera
     lens.position, lens.focal_point, lens.up = tuple(camera.eye), tuple(camera.target), tuple(camera.up)
     lens.view_angle = camera.view_angle
-    lens.clipping_range = (camera.near, FAR)
+    lens.clipping_range = (camera.near, FURTHEST)
 
 
 def matrix(pose: FloatArray) -> FloatArray:
@@ -347,31 +373,6 @@ def middle_of(state: ViewerState) -> FloatArray:
         return np.zeros(2)
     points = np.concatenate(paths)
     return np.asarray((points.min(0) + points.max(0)) / 2)
-
-
-def dashes(points: FloatArray) -> pyvista.PolyData:
-    """Every second stretch of a line."""
-    starts = np.arange(0, len(points) - 1, 2)
-    lines = np.column_stack([np.full(len(starts), 2), starts, starts + 1])
-    return pyvista.PolyData(points, lines=lines.ravel())
-
-
-def cone(half_angle: float) -> pyvista.PolyData:
-    """A cone of sight with its tip at the origin, along x; no cap."""
-    around = np.linspace(0, 2 * np.pi, CONE_SIDES, endpoint=False)
-    along, out = np.cos(half_angle), np.sin(half_angle)
-    rim = CONE_LENGTH * np.column_stack([np.full(CONE_SIDES, along), out * np.cos(around), out * np.sin(around)])
-    points = np.concatenate([np.zeros((1, 3)), rim]).astype(np.float32)
-    here = np.arange(CONE_SIDES)
-    faces = np.column_stack([np.zeros(CONE_SIDES, np.int64), here + 1, (here + 1) % CONE_SIDES + 1])
-    return pyvista.PolyData.from_regular_faces(points, faces)
-
-
-def frame_along(axis: FloatArray) -> FloatArray:
-    """(3, 3) a rotation whose first column is the axis."""
-    side = np.cross(UP if abs(axis[2]) < 0.99 else np.array([0.0, 1.0, 0.0]), axis)
-    side /= np.linalg.norm(side)
-    return np.stack([axis, side, np.cross(axis, side)], 1)
 
 
 def _own_eyes(state: ViewerState) -> str | None:

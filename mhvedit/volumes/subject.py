@@ -8,12 +8,11 @@ from functools import partial
 from mhvedit.geometry.arrays import BoolArray, FloatArray
 from mhvedit.geometry.grid import VoxelGrid
 from mhvedit.sequences.canonical import in_canonical_frame
-from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.sequences.meshes import BODY, MeshSequence
 from mhvedit.volumes.history import MotionHistoryVolume, Volume, difference, history, intersection, union
 from mhvedit.volumes.parts import OwnMesh, Part, Selection, select_voxels
 from mhvedit.volumes.voxelise import solid_voxels
 
-BODY = "body"
 Filled = tuple[VoxelGrid, BoolArray]  # a frame's box, and (X, Y, Z) which of its voxels are filled
 Erosion = Callable[[MotionHistoryVolume], MotionHistoryVolume]  # of a solid, what counts as deep in it
 

@@ -27,9 +27,7 @@ class Contacts:
     friction: FloatArray  # (N,)
 
 
-def touching(
-    narrow: Narrow, rotations: FloatArray, positions: FloatArray, meeting: Meeting, *, reach: float = TOUCHING
-) -> Contacts:
+def touching(narrow: Narrow, rotations: FloatArray, positions: FloatArray, meeting: Meeting) -> Contacts:
     """All contact points of pairs that may meet.
 
     Args:
@@ -37,10 +35,9 @@ def touching(
         rotations: (F, 3, 3) world_from_frame.
         positions: (F, 3) m.
         meeting: restitution and friction between frames.
-        reach: m, gap up to which bodies are in contact.
     """
-    pairs = near_pairs(narrow.colliders, rotations, positions, reach=reach)
-    rows, point, normal, gap = narrow.patches(pairs, rotations, positions, reach=reach)
+    pairs = near_pairs(narrow.colliders, rotations, positions, reach=TOUCHING)
+    rows, point, normal, gap = narrow.patches(pairs, rotations, positions, reach=TOUCHING)
     frames = narrow.colliders.carrier[pairs[rows]].reshape(-1, 2)
     known = {pair: meeting(*pair) for pair in set(map(tuple, frames.tolist()))}
     surfaces = [known[pair] for pair in map(tuple, frames.tolist())]

@@ -58,21 +58,20 @@ def normals_cancel(depths: FloatArray, normals: FloatArray) -> bool:
     return bool(np.linalg.norm(squares @ normals) < CANCELLED * squares.sum())
 
 
-def push_out(pose: Pose, look: Look, *, free: Pose | None = None, iterations: int = ITERATIONS) -> PushedOut:
+def push_out(pose: Pose, look: Look, *, free: Pose | None = None) -> PushedOut:
     """Move a rigid body out of what it overlaps, by translations of eq. 1 (Schmidl and Lin, algorithm 1).
 
     Args:
         pose: where it wants to be.
         look: depths and normals of its overlaps at a pose.
         free: its last pose without overlap, to which it goes back as far as it has to where eq. 1 leads nowhere.
-        iterations: of eq. 1.
 
     Returns:
         The pose; `free` is False where not even the last free pose is free.
     """
     at, used = pose, 0
     depths, normals = look(at)
-    while depths.max(initial=0.0) > TOLERANCE and used < iterations and not normals_cancel(depths, normals):
+    while depths.max(initial=0.0) > TOLERANCE and used < ITERATIONS and not normals_cancel(depths, normals):
         used += 1
         at = Pose(at.rotation, at.position + global_depth(depths + LEEWAY, normals))
         depths, normals = look(at)

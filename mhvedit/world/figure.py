@@ -1,6 +1,5 @@
 """Articulated bodies: a skeleton whose joints carry convex pieces, and the chains in which it gives way."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,11 +37,10 @@ class Figure:
     pieces: tuple[Piece, ...]  # P, in the frames of their joints
     joint: IntArray  # (P,) joint that carries each
     chain: IntArray  # (J,) chain of each joint; -1 for the trunk, which only moves as a whole
-    chain_names: tuple[str, ...]
     self_pairs: BoolArray  # (P, P) symmetric: which pieces may meet
     effort: FloatArray  # (D,) how little each DOF likes to leave the tracked posture
     cones: tuple[ReachCone, ...]
-    material: str
+    material: str  # of the table
 
     def __post_init__(self) -> None:
         n = len(self.pieces)
@@ -66,15 +64,11 @@ def inward_dofs(figure: Figure, joint: int) -> IntArray:
     return np.asarray(found[::-1].copy())
 
 
-def capsule_figure(
-    skeleton: Skeleton, *, material: str = "human", extra: Mapping[str, Piece] | None = None, cones: bool = True
-) -> Figure:
+def capsule_figure(skeleton: Skeleton, *, cones: bool = True) -> Figure:
     """A body of capsules, one for each bone, as wide as that limb usually is, in five chains (D1).
 
     Args:
         skeleton: z up where q = 0.
-        material: of the table.
-        extra: pieces of joints in addition to their bones, by the joint's name.
         cones: limit shoulders and hips by the package's reach cones where the skeleton has joints of those names.
 
     Raises:
@@ -90,12 +84,8 @@ def capsule_figure(
             radius = scale * RADII.get(_plain(roles[joint]), UNKNOWN)
             pieces.append(capsule(np.zeros(3), offset, min(radius, length / 2 + 0.01)))
             carriers.append(joint)
-    for name, piece in (extra or {}).items():
-        pieces.append(piece)
-        carriers.append(skeleton.names.index(name))
     if not pieces:
         raise WorldError("figure", "bones that have a length", "none")
-    chain, names = _chains(skeleton, roles)
     effort = np.array([ROLES[roles[j]].effort if roles[j] in ROLES else 1.0 for j in skeleton.dof_joint])
     effort[skeleton.dof_joint == 0] = ROOT_EFFORT
     joint_of = np.array(carriers)
@@ -103,12 +93,11 @@ def capsule_figure(
         skeleton,
         tuple(pieces),
         joint_of,
-        chain,
-        names,
+        _chains(skeleton, roles),
         _self_pairs(skeleton, tuple(pieces), joint_of),
         effort,
         load_cones(skeleton) if cones else (),
-        material,
+        "human",
     )
 
 
@@ -136,8 +125,8 @@ def _plain(role: str) -> str:
     return role.removeprefix("left_").removeprefix("right_")
 
 
-def _chains(skeleton: Skeleton, roles: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:
-    """Arms, legs and neck; joints without a role are with the joint above them."""
+def _chains(skeleton: Skeleton, roles: tuple[str, ...]) -> IntArray:
+    """(J,) neck, arms and legs; joints without a role are with the joint above them."""
     names = ["neck", "left_arm", "right_arm", "left_leg", "right_leg"]
     found = np.full(skeleton.n_joints, -1)
     for joint, role in enumerate(roles):
@@ -148,7 +137,7 @@ def _chains(skeleton: Skeleton, roles: tuple[str, ...]) -> tuple[IntArray, tuple
             found[joint] = names.index(f"{side}_{'arm' if part in _ARM else 'leg'}")
         elif role == "" and joint:
             found[joint] = found[skeleton.parents[joint]]
-    return found, tuple(names)
+    return found
 
 
 def _self_pairs(skeleton: Skeleton, pieces: tuple[Piece, ...], joint: IntArray) -> BoolArray:

@@ -13,16 +13,12 @@ from mhvedit.collision.filling import (
 )
 from mhvedit.errors import ShapeError
 from mhvedit.sequences.meshes import Mesh
+from tests.shapes import mesh_of
 
-
-def _mesh(made: trimesh.Trimesh) -> Mesh:
-    return Mesh(np.asarray(made.vertices, np.float64), np.asarray(made.faces, np.int32))
-
-
-BALL = _mesh(trimesh.creation.icosphere(subdivisions=2, radius=0.1))
-BAR = _mesh(trimesh.creation.box((0.6, 0.1, 0.1)))
+BALL = mesh_of(trimesh.creation.icosphere(subdivisions=2, radius=0.1))
+BAR = mesh_of(trimesh.creation.box((0.6, 0.1, 0.1)))
 ASIDE = np.array([0.5, 0.0, 0.3])
-RING = _mesh(trimesh.creation.torus(0.2, 0.03))
+RING = mesh_of(trimesh.creation.torus(0.2, 0.03))
 
 
 def test_one_sphere_in_a_ball_is_the_ball() -> None:
@@ -80,7 +76,7 @@ def test_meshes_one_by_one_share_the_spheres_by_volume() -> None:
 
 @pytest.mark.parametrize("levels", [1, 2, 3, 4])
 def test_an_octree_of_a_cube_is_all_its_octants(levels: int) -> None:
-    cube = _mesh(trimesh.creation.box((0.4, 0.4, 0.4)))
+    cube = mesh_of(trimesh.creation.box((0.4, 0.4, 0.4)))
     filling = octree_spheres(cube, levels)
     assert len(filling.radii) == 8**levels
     assert filling.radii == approx(np.full(8**levels, 0.4 / 2**levels * np.sqrt(3) / 2))

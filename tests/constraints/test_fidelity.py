@@ -7,8 +7,9 @@ from mhvedit.constraints.clauses import Clause
 from mhvedit.constraints.dictionary import InteractionType
 from mhvedit.constraints.fidelity import BODIES_MEET, TOO_DEEP, fidelity_clauses
 from mhvedit.geometry.grid import VoxelGrid
+from mhvedit.sequences.meshes import BODY
 from mhvedit.volumes.history import MotionHistoryVolume, intersection
-from mhvedit.volumes.subject import BODY, PartVolume, SubjectVolumes
+from mhvedit.volumes.subject import PartVolume, SubjectVolumes
 
 PITCH = 0.01
 HAND, SWORD = "hand", "sword"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mhvedit.export.content import BODY, ExportScene, Piece
+from mhvedit.export.content import ExportScene, Piece
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.scene.edit import EditedScene, SubjectEdit, edit_as_dict
-from mhvedit.sequences.meshes import Mesh, MeshSequence
+from mhvedit.sequences.meshes import BODY, Mesh, MeshSequence
 from mhvedit.sequences.read import open_capture
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "scenes"

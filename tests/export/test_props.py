@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mhvedit.export.content import BODY, ExportScene, Piece
+from mhvedit.export.content import ExportScene, Piece
 from mhvedit.export.folder import MeshFormat, write_folder
 from mhvedit.export.gltf import write_glb
 from mhvedit.export.usd_edit import write_usd_edit
 from mhvedit.export.usd_flat import write_flat_usd
 from mhvedit.scene.edit import EditedScene, PropEdit, edit_as_dict
+from mhvedit.sequences.meshes import BODY
 from mhvedit.view.film import film, fixed_cameras, scene_boxes
 from tests.export.checks import check_folder, check_glb, check_usd
 from tests.export.scenes import scene_of

@@ -16,12 +16,13 @@ from mhvedit.export.content import Exported, ExportScene
 from mhvedit.export.target import ExportError
 from mhvedit.export.usd_edit import write_usd_edit
 from mhvedit.export.usd_flat import write_flat_usd
+from mhvedit.geometry.planar import compose
 from mhvedit.sequences.read import open_capture
 from tests.export.scenes import SHARED, SHARED_SCENES, scene_of, shared_scene, world
 from tests.export.small import NUMBERS, opened, shape
 
 pytest.importorskip("pxr")
-from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from tests.export.checks import check_usd
 from tests.export.readers import moved, usd_errors, usd_shown
@@ -99,10 +100,13 @@ def test_copies_are_made_once_and_again_when_the_capture_changes(captures: Path,
     assert edit(other, tmp_path / "two.usda").kept == (copy,) and copy.stat().st_mtime_ns == before
     check_usd(other, tmp_path / "two.usda")
     check_usd(scene, tmp_path / "one.usda")
-    shutil.copyfile(folder / "n_7.obj", folder / "n_3.obj")
-    os.utime(folder / "n_3.obj", ns=(1, 1))
-    assert edit(scene, tmp_path / "one.usda").kept == ()
-    check_usd(scene, tmp_path / "one.usda")
+    for donor in ("n_7.obj", None):
+        state, content = (folder / "n_3.obj").stat(), (folder / "n_3.obj").read_text()
+        new = content.replace("1", "2", 1) if donor is None else (folder / donor).read_text()
+        (folder / "n_3.obj").write_text(new)
+        os.utime(folder / "n_3.obj", ns=(state.st_atime_ns, state.st_mtime_ns))
+        assert edit(scene, tmp_path / "one.usda").kept == ()
+        check_usd(scene, tmp_path / "one.usda")
 
 
 @pytest.mark.parametrize("foreign", ["text", "stage"])
@@ -152,6 +156,28 @@ def test_usd_captures_are_referenced_as_they_are(tmp_path: Path) -> None:
         assert_array_equal(shown.points, (100 * shape(number)[0]).astype(np.float32), strict=True)
         assert_array_equal(shown.faces, shape(number)[1])
         assert_allclose(moved(shown), world(scene, scene.pieces[0], k), atol=1e-7)
+
+
+def test_usd_captures_far_from_the_origin_stay_as_they_are(tmp_path: Path) -> None:
+    path = usd_capture(tmp_path / "actor.usda")
+    stage = Usd.Stage.Open(str(path))
+    top = UsdGeom.Xform.Get(stage, "/actor0")
+    top.AddTranslateOp(opSuffix="survey").Set(Gf.Vec3d(5e7, 0.0, -3e7))  # cm, y up
+    stage.GetRootLayer().Save()
+    capture = open_capture(path, name="x", units="cm", up="y")
+    base = scene_of({"x": (capture, path)}, {"x": SOURCE}, units="cm", up="y")
+    walked = compose(base.edit.subjects["x"].placements, np.array([-5e5, -3e5, 0.0]))
+    scene = replace(base, edit=replace(base.edit, subjects={"x": replace(base.edit.subjects["x"], placements=walked)}))
+    edit(scene, tmp_path / "scene.usda")
+    again = Usd.Stage.Open(str(tmp_path / "scene.usda"))
+    [piece] = scene.pieces
+    for k in range(len(SOURCE)):
+        shown = usd_shown(again, "/World/x/body/capture/geo/skin", k)
+        expected = scene.placed(piece, capture.mesh(SOURCE[k]), k)
+        assert np.abs(expected).max() < 10
+        assert_allclose(moved(shown), expected, rtol=0, atol=1e-7)
+    turn = UsdGeom.XformCache(0).GetLocalTransformation(again.GetPrimAtPath("/World/x"))[0]
+    assert np.abs(np.array(turn)[3, :3]).max() < 10
 
 
 def test_usd_captures_of_several_roots_are_copied(tmp_path: Path) -> None:

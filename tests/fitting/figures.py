@@ -16,6 +16,7 @@ from mhvedit.sequences.body_model import (
     rotation_from_vector,
 )
 from mhvedit.sequences.meshes import Mesh, MeshSequence
+from tests.shapes import mesh_of
 
 MODEL = plain_adult()
 
@@ -61,7 +62,7 @@ def _contour(values: FloatArray, low: FloatArray, pitch: float) -> Mesh:
 
     vertices, faces, _, _ = marching_cubes(values, 0.0)
     made = trimesh.Trimesh(vertices * pitch + low, faces[:, ::-1])
-    return Mesh(np.asarray(made.vertices, np.float64), np.asarray(made.faces, np.int32))
+    return mesh_of(made)
 
 
 def walking(n_frames: int) -> tuple[MeshSequence, FloatArray]:

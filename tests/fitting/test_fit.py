@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -23,6 +22,7 @@ from mhvedit.sequences.tracks import read_tracks
 from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.skin import posed_vertices
 from tests.fitting.figures import walking
+from tests.shapes import boxes
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "data" / "scenes"
 ALLOWED = 0.025  # m, mean error of the joints
@@ -114,16 +114,6 @@ def test_a_capture_is_fitted_near_its_joint_tracks(scene: str, who: str, frames:
     error = np.linalg.norm(fit.places[:, [joint(name) for name in TRACKED]] - truth, axis=-1)
     assert error.mean() < ALLOWED
     assert why_not(fit) == ""
-
-
-def boxes(*parts: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Mesh:
-    made = []
-    for centre, size in parts:
-        box = trimesh.creation.box(extents=size).subdivide_to_size(0.04)
-        box.apply_translation(centre)
-        made.append(box)
-    whole = trimesh.util.concatenate(made)
-    return Mesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32))
 
 
 def standing(*meshes: Mesh) -> MeshSequence:

@@ -94,11 +94,38 @@ def test_who_has_too_few_frames_stands_still(three: Result) -> None:
     assert all(len(source) == N_FRAMES for source in line.sources.values())
 
 
+def test_a_third_ones_capture_may_stand_anywhere(tmp_path: Path) -> None:
+    stands = []
+    for n, place in enumerate([(0.0, 0.0, 0.0), (0.13, 0.07, 0.0), (0.13, 0.07, 1.3)]):
+        text = content(lower("anna", "carl")).replace("visibility = {half_angle = 60}", "visibility = false")
+        result = solve(tmp_path / str(n), text, anna=ANNA, carl=replace(CARL, place=place))
+        poses = {name: compose(edit_of(result).subjects[name].placements[0], result.people[name].pose) for name in CAST}
+        stands.append([compose(invert(poses["anna"]), poses[name]) for name in ("ben", "carl")])
+    away = np.array(stands) - stands[0]
+    np.testing.assert_allclose(away[..., :2], 0, atol=1e-6)
+    np.testing.assert_allclose(wrap_angle(away[..., 2]), 0, atol=1e-6)
+
+
 def test_two_pairs_share_a_stage(tmp_path: Path) -> None:
     result = solve(tmp_path, content(lower("carl", "dora"), more=("carl", "dora")), anna=ANNA, dora=DORA)
     report = measured(result)
     strangers = [pair for pair in report.pairs if set(pair.between) not in ({"anna", "ben"}, {"carl", "dora"})]
     assert len(strangers) == 4 and all(pair.deepest == 0 for pair in strangers)
+
+
+def test_how_strangers_stand_does_not_depend_on_their_captures(tmp_path: Path) -> None:
+    stands = []
+    for n, moved in enumerate(
+        [{}, {"anna": (1.31, -0.24, 2.4)}, {"carl": (4.13, 1.07, -0.4), "dora": (1.0, 0.0, 2.0)}]
+    ):
+        cast = {"anna": ANNA, "ben": BEN, "carl": CARL, "dora": DORA}
+        cast = {name: replace(actor, place=moved.get(name, actor.place)) for name, actor in cast.items()}
+        result = solve(tmp_path / str(n), content(lower("carl", "dora"), more=("carl", "dora")), **cast)
+        poses = {name: compose(edit_of(result).subjects[name].placements[0], result.people[name].pose) for name in cast}
+        stands.append([compose(invert(poses["anna"]), pose) for pose in poses.values()])
+    away = np.array(stands) - stands[0]
+    np.testing.assert_allclose(away[..., :2], 0, atol=1e-6)
+    np.testing.assert_allclose(wrap_angle(away[..., 2]), 0, atol=1e-6)
 
 
 # The stage
@@ -150,6 +177,29 @@ def test_the_map_says_what_the_stage_rejects(tmp_path: Path) -> None:
     report = measured(pillar)
     assert [pair.between for pair in report.pairs] == [("anna", "ben"), ("anna", "pillar"), ("ben", "pillar")]
     assert all(pair.deepest == 0 for pair in report.pairs[1:])
+
+
+def test_a_floor_counts_however_small_the_first_window_was(tmp_path: Path) -> None:
+    """In a small one there is nothing that is not floor."""
+    for name, actor in (("anna", ANNA), ("ben", BEN)):
+        write_actor(tmp_path, name, actor)
+    (tmp_path / "scene.toml").write_text(content(LOWER_TABLE, more=()))
+    free = api.solve(api.load(tmp_path / "scene.toml"))
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 1.1
+    around = square + np.append(free.segment("raise").grid.root_a, 0.0)
+    floor = apply_pose(free.people["anna"].pose, around)[:, :2].round(4).tolist()
+    cache = tmp_path / "cache"
+
+    def solved(window: float, angle: int, kept: Path | None) -> Result:
+        text = content(LOWER_TABLE, more=(), stage=f'[stage]\npin = "anna"\nfloor = {floor}\n')
+        text = text.replace("window = 2.4", f"window = {window}").replace("half_angle = 60", f"half_angle = {angle}")
+        (tmp_path / "scene.toml").write_text(text)
+        return api.solve(api.load(tmp_path / "scene.toml", cache=kept))
+
+    assert solved(0.4, 60, cache).segment("raise").counts["stage"] == 0
+    for window, angle in ((2.4, 60), (2.4, 61)):
+        warm, cold = solved(window, angle, cache).segment("raise"), solved(window, angle, None).segment("raise")
+        assert warm.counts == cold.counts and cold.counts["stage"] > 0
 
 
 def test_everybody_stays_on_the_floor_and_out_of_props(tmp_path: Path) -> None:

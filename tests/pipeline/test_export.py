@@ -49,6 +49,7 @@ def test_every_format(mhvedit: Command, out: Path, tmp_path: Path, name: str) ->
     assert forced.code == 0
     said = json.loads(forced.out)
     assert said["written"] == str(tmp_path / name) and said["warnings"] == []
+    assert said["offset"] == [0, 0, 0]
     kept = name in ("s.usd", "s.usda", "s.usdc")
     assert said["kept"] == [str(tmp_path / "s_assets" / f"{who}.usdc") for who in SOURCE if kept]
 

@@ -122,6 +122,42 @@ def test_a_track_changed(out: Path, searches: list[int], frame: int, segments: i
     assert len(searches) == segments
 
 
+def test_a_gaze_changed_where_nobody_has_to_be_seen(out: Path, searches: list[int]) -> None:
+    unseen = ("visibility = {half_angle = 60}", "visibility = false")
+    again(out, unseen)
+    track = out.parent / "anna.csv"
+    rows = [row.replace(",1.4", ",1.5") if ",target," in row else row for row in track.read_text().splitlines()]
+    track.write_text("\n".join(rows) + "\n")
+    searches.clear()
+    assert again(out, unseen).redone and searches == []  # the report draws what she sees
+    assert not again(out, unseen).redone
+
+
+def test_a_frame_that_is_not_used_goes_and_comes_back(out: Path, searches: list[int]) -> None:
+    used = ('path = "ben"', 'path = "ben"\nframes = [0, 14]')
+    table = (LOWER_TABLE, LOWER_TABLE.replace("[9, 15]", "[8, 14]"))
+    file = out.parent / "ben" / "ben_0013.obj"
+    first = again(out, used, table).report["warnings"]
+    shutil.copy(file, out.parent / "ben" / "ben_0020.obj")
+    assert again(out, used, table).report["warnings"] != first
+    (out.parent / "ben" / "ben_0020.obj").unlink()
+    assert again(out, used, table).report["warnings"] == first
+
+
+def test_a_picture_that_was_missing_comes(out: Path) -> None:
+    folder = out.parent / "anna"
+    (folder / "skin.mtl").write_text("newmtl skin\nmap_Kd tex/skin.png\n")
+    for file in folder.glob("*.obj"):
+        file.write_text("mtllib skin.mtl\nusemtl skin\n" + file.read_text())
+    (folder / "tex").mkdir()
+    (said,) = again(out).report["warnings"]
+    assert "1 texture files are missing" in said
+    (folder / "tex" / "skin.png").write_bytes(b"a picture")
+    assert again(out).report["warnings"] == []
+    (folder / "tex" / "skin.png").unlink()
+    assert again(out).report["warnings"] == [said]
+
+
 def test_an_answer_that_somebody_changed_is_written_again(out: Path) -> None:
     before = files_of(out)
     for name in ("edit.json", "report.json", "solutions/raise.npz"):

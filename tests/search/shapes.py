@@ -7,8 +7,9 @@ import numpy as np
 
 from mhvedit.geometry.arrays import FloatArray, IntArray
 from mhvedit.geometry.grid import VoxelGrid
+from mhvedit.sequences.meshes import BODY
 from mhvedit.volumes.history import MotionHistoryVolume, history
-from mhvedit.volumes.subject import BODY, PartVolume, SubjectVolumes
+from mhvedit.volumes.subject import PartVolume, SubjectVolumes
 from tests.oracles import Person, Voxel
 
 PITCH = 0.02  # m

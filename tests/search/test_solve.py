@@ -16,7 +16,7 @@ from mhvedit.constraints.visibility import SightCone
 from mhvedit.search.poses import PoseGrid, pose_grid
 from mhvedit.search.sight import MutualSight
 from mhvedit.search.solve import ReasonMap, SightTest, search_poses
-from mhvedit.volumes.subject import BODY
+from mhvedit.sequences.meshes import BODY
 from tests import oracles
 from tests.oracles import Cone, Segment
 from tests.search.shapes import HAND, PARTS, PITCH, SWORD, Made, made, random_subject

@@ -13,9 +13,10 @@ from mhvedit.geometry.planar import apply_pose, wrap_angle
 from mhvedit.sequences.bodies import _key_frames, horizontal_front, track_body
 from mhvedit.sequences.body_fit import WRONG_SIDE, BodyPose, _add_residuals, _explain, fit_body, joint_places
 from mhvedit.sequences.body_model import N_JOINTS, plain_adult, rotation_from_vector
-from mhvedit.sequences.facing import estimate_facing, facing_from_tracks
-from mhvedit.sequences.meshes import JointTracks, Mesh, MeshSequence
+from mhvedit.sequences.facing import facing_from_tracks, facing_of_body
+from mhvedit.sequences.meshes import Facing, JointTracks, Mesh, MeshSequence
 from mhvedit.sequences.surface_cloud import surface_cloud
+from tests.shapes import mesh_of
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "data" / "scenes"
 FIGURE = (  # ellipsoids of a person who looks along +x: centre, half axes
@@ -42,8 +43,7 @@ def figure(subdivisions: int = 3) -> Mesh:
         ball = trimesh.creation.icosphere(subdivisions=subdivisions)
         ball.vertices = ball.vertices * axes + centre
         balls.append(ball)
-    whole = trimesh.util.concatenate(balls)
-    return Mesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32))
+    return mesh_of(trimesh.util.concatenate(balls))
 
 
 def placed(mesh: Mesh, pose: FloatArray) -> Mesh:
@@ -54,13 +54,17 @@ def sequence(*meshes: Mesh) -> MeshSequence:
     return MeshSequence("figure", tuple(range(len(meshes))), 25.0, lambda number: meshes[number])
 
 
+def facing_of(capture: MeshSequence, *, workers: int = 1) -> Facing:
+    return facing_of_body(track_body(capture, workers=workers), fps=capture.fps)
+
+
 def degrees_off(yaw: FloatArray, truth: FloatArray | float) -> FloatArray:
     return np.degrees(np.abs(wrap_angle(yaw - truth)))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.1, 3.0, -2.2])
 def test_a_figure_faces_where_its_feet_and_forearms_point(yaw: float) -> None:
-    facing = estimate_facing(sequence(placed(figure(2), np.array([3.0, -2.0, yaw]))))
+    facing = facing_of(sequence(placed(figure(2), np.array([3.0, -2.0, yaw]))))
     assert degrees_off(facing.yaw, yaw)[0] < 3
     assert 0.3 < facing.trust[0] <= 1
 
@@ -70,7 +74,7 @@ def test_the_estimate_turns_and_shifts_with_the_capture() -> None:
     pose = np.array([-7.0, 11.0, 2.3])
     body, moved = track_body(sequence(*frames)), track_body(sequence(*[placed(mesh, pose) for mesh in frames]))
     assert moved.places == pytest.approx(apply_pose(pose, body.places), abs=1e-6)
-    facing, turned = estimate_facing(sequence(*frames)), estimate_facing(sequence(*[placed(m, pose) for m in frames]))
+    facing, turned = facing_of(sequence(*frames)), facing_of(sequence(*[placed(m, pose) for m in frames]))
     assert np.abs(wrap_angle(turned.yaw - facing.yaw - pose[2])).max() < 1e-6
     assert turned.trust == pytest.approx(facing.trust, abs=1e-6)
 
@@ -80,7 +84,7 @@ def test_the_number_of_threads_does_not_matter() -> None:
     one, three = track_body(frames), track_body(frames, workers=3)
     for name in ("places", "head", "misfit", "size"):
         np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
-    assert estimate_facing(frames).yaw.tobytes() == estimate_facing(frames, workers=2).yaw.tobytes()
+    assert facing_of(frames).yaw.tobytes() == facing_of(frames, workers=2).yaw.tobytes()
 
 
 def test_neither_the_order_nor_the_density_of_the_mesh_matters() -> None:
@@ -89,9 +93,9 @@ def test_neither_the_order_nor_the_density_of_the_mesh_matters() -> None:
     order = random.permutation(len(mesh.vertices))
     place = np.argsort(order)
     faces = place[np.roll(mesh.faces, 1, axis=1)][random.permutation(len(mesh.faces))].astype(np.int32)
-    yaw = estimate_facing(sequence(mesh)).yaw
-    assert estimate_facing(sequence(Mesh(mesh.vertices[order], faces))).yaw == pytest.approx(yaw, abs=1e-6)
-    assert degrees_off(estimate_facing(sequence(figure(4))).yaw, yaw)[0] < 1.5
+    yaw = facing_of(sequence(mesh)).yaw
+    assert facing_of(sequence(Mesh(mesh.vertices[order], faces))).yaw == pytest.approx(yaw, abs=1e-6)
+    assert degrees_off(facing_of(sequence(figure(4))).yaw, yaw)[0] < 1.5
 
 
 def test_noise_holes_and_floating_bits_hardly_matter() -> None:
@@ -100,21 +104,20 @@ def test_noise_holes_and_floating_bits_hardly_matter() -> None:
     kept = mesh.faces[random.random(len(mesh.faces)) > 0.03]
     bit = np.array([[0.9, 0.9, 1.0], [0.95, 0.9, 1.0], [0.9, 0.95, 1.0]])
     faces = np.concatenate([kept, np.arange(3, dtype=np.int32)[None] + np.int32(len(noisy))])
-    facing = estimate_facing(sequence(Mesh(np.concatenate([noisy, bit]), faces)))
+    facing = facing_of(sequence(Mesh(np.concatenate([noisy, bit]), faces)))
     assert degrees_off(facing.yaw, 0.0)[0] < 4
 
 
 def test_a_figure_on_its_back_faces_its_feet() -> None:
     mesh = figure(2)
     back = rotation_from_vector(np.array([0.0, -np.pi / 2, 0.0]))  # the head now points to -x, the feet to +x
-    facing = estimate_facing(sequence(Mesh(mesh.vertices @ back.T + [0, 0, 0.15], mesh.faces)))
+    facing = facing_of(sequence(Mesh(mesh.vertices @ back.T + [0, 0, 0.15], mesh.faces)))
     assert degrees_off(facing.yaw, 0.0)[0] < 8
 
 
 def test_a_shape_that_is_nobody_gets_an_answer_with_little_trust() -> None:
-    box = trimesh.creation.box(extents=(60.0, 40.0, 30.0))
-    mesh = Mesh(np.asarray(box.vertices, np.float64), np.asarray(box.faces, np.int32))
-    facing = estimate_facing(sequence(mesh, mesh))
+    mesh = mesh_of(trimesh.creation.box(extents=(60.0, 40.0, 30.0)))
+    facing = facing_of(sequence(mesh, mesh))
     assert np.isfinite(facing.yaw).all()
     assert (facing.trust < 0.05).all()
 
@@ -122,7 +125,7 @@ def test_a_shape_that_is_nobody_gets_an_answer_with_little_trust() -> None:
 def test_a_frame_without_area_is_bridged() -> None:
     mesh = figure(2)
     nothing = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
-    facing = estimate_facing(sequence(mesh, nothing, mesh))
+    facing = facing_of(sequence(mesh, nothing, mesh))
     assert degrees_off(facing.yaw, 0.0).max() < 3
     assert facing.trust[1] < 0.01 < facing.trust[0]
 
@@ -250,7 +253,7 @@ def test_real_takes_are_met(take: str) -> None:
         found = draco.decode((SCENES / take / f"{take[-1]}_{number:04d}.drc").read_bytes())
         return Mesh(np.asarray(found.points, np.float64), np.asarray(found.faces, np.int32).reshape(-1, 3))
 
-    facing = estimate_facing(MeshSequence("take", numbers, 2.5, load))
+    facing = facing_of(MeshSequence("take", numbers, 2.5, load))
     error = degrees_off(facing.yaw, np.array([true_yaw((SCENES / take).with_suffix(".csv"), n) for n in numbers]))
     assert np.median(error) < 6
     assert error.max() < 20

@@ -7,9 +7,11 @@ import trimesh
 from mhvedit.errors import SceneError
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import apply_pose, rotation
+from mhvedit.sequences.bodies import track_body
 from mhvedit.sequences.body_model import rotation_from_vector
-from mhvedit.sequences.gaze import estimate_gaze, gaze_from_tracks
-from mhvedit.sequences.meshes import Facing, JointTracks, Mesh, MeshSequence
+from mhvedit.sequences.gaze import gaze_from_tracks, gaze_of_body
+from mhvedit.sequences.meshes import Gaze, JointTracks, Mesh, MeshSequence
+from tests.shapes import mesh_of
 
 TRUNK = (  # ellipsoids of a person who looks along +x: centre, half axes
     ((0.0, 0.0, 1.05), (0.11, 0.17, 0.22)),
@@ -41,21 +43,20 @@ def figure(turn: float, nod: float = 0.0) -> Mesh:
     for centre, axes in HEAD:
         balls.append(trimesh.creation.icosphere(subdivisions=3))
         balls[-1].vertices = (balls[-1].vertices * axes + centre) @ head.T + SKULL
-    whole = trimesh.util.concatenate(balls)
-    return Mesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32))
+    return mesh_of(trimesh.util.concatenate(balls))
 
 
 def sequence(mesh: Mesh) -> MeshSequence:
     return MeshSequence("figure", (5,), 25.0, lambda _: mesh)
 
 
-def ahead(yaw: float) -> Facing:
-    return Facing(np.array([5]), np.array([yaw]), np.ones(1))
+def gaze_of(capture: MeshSequence, *, yaw: float) -> Gaze:
+    return gaze_of_body(capture, track_body(capture, yaw=np.array([yaw])))
 
 
 @pytest.mark.parametrize(("turn", "nod"), [(0.0, 0.0), (0.5, 0.0), (-0.6, 0.0), (0.0, 0.3)])
 def test_the_gaze_is_where_the_face_points(turn: float, nod: float) -> None:
-    gaze = estimate_gaze(sequence(figure(turn, nod)), ahead(0.0))
+    gaze = gaze_of(sequence(figure(turn, nod)), yaw=0.0)
     truth = np.array([np.cos(turn) * np.cos(nod), np.sin(turn) * np.cos(nod), -np.sin(nod)])
     assert np.degrees(np.arccos(gaze.direction[0] @ truth)) < 15
     assert np.linalg.norm(gaze.eye[0] - SKULL - 0.09 * truth) < 0.035
@@ -64,8 +65,8 @@ def test_the_gaze_is_where_the_face_points(turn: float, nod: float) -> None:
 
 def test_the_gaze_turns_and_shifts_with_the_capture() -> None:
     mesh, pose = figure(0.3), np.array([4.0, -9.0, 2.0])
-    gaze = estimate_gaze(sequence(mesh), ahead(0.1))
-    moved = estimate_gaze(sequence(Mesh(apply_pose(pose, mesh.vertices), mesh.faces)), ahead(2.1))
+    gaze = gaze_of(sequence(mesh), yaw=0.1)
+    moved = gaze_of(sequence(Mesh(apply_pose(pose, mesh.vertices), mesh.faces)), yaw=2.1)
     assert moved.eye == pytest.approx(apply_pose(pose, gaze.eye), abs=1e-6)
     assert moved.direction[0, :2] == pytest.approx(rotation(2.0) @ gaze.direction[0, :2], abs=1e-6)
     assert moved.direction[0, 2] == pytest.approx(gaze.direction[0, 2], abs=1e-6)

@@ -52,6 +52,18 @@ def test_a_subject_too_small(tmp_path: Path) -> None:
     assert warnings(folder(tmp_path), units="cm") == ['0.017 m tall: are its units m? (units = "m")']
 
 
+def test_a_capture_far_from_the_origin(tmp_path: Path) -> None:
+    path = folder(tmp_path, PERSON.copy().apply_translation((500000, -300000, 0)))
+    assert warnings(path) == [
+        "lies 583 km from the origin, where most programs are coarse: take (500000, -300000) m off its x and y (z up)"
+    ]
+    assert "\n  ! anna: lies 583 km from the origin" in as_text(inspect_capture(path, name="anna"))
+
+
+def test_a_capture_some_way_from_the_origin(tmp_path: Path) -> None:
+    assert warnings(folder(tmp_path, PERSON.copy().apply_translation((0, 900, 0)))) == []
+
+
 def test_a_subject_on_its_side(tmp_path: Path) -> None:
     turned = trimesh.Trimesh(PERSON.vertices[:, [0, 2, 1]] * [1, 1, -1], PERSON.faces, process=False)
     path = folder(tmp_path, turned)

@@ -185,6 +185,17 @@ def test_an_npz_that_changes_is_not_taken_for_the_one_that_was_opened(tmp_path: 
         raw(source, 1)
 
 
+def test_an_npz_of_the_same_size_and_time_is_another_if_it_holds_something_else(tmp_path: Path) -> None:
+    path, known = tmp_path / "a.npz", contents(tmp_path / "contents.json")
+    identities = []
+    for scale in (1.0, 2.0, 1.0):
+        np.savez(path, **arrays(vertices=arrays()["vertices"] * np.float32(scale)))
+        os.utime(path, (1e9, 1e9))
+        identities.append((path.stat().st_size, NpzSource(path, known).opened(0)[0]))
+    assert len({size for size, _ in identities}) == 1
+    assert identities[0] == identities[2] != identities[1]
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_an_npz_of_which_bytes_are_lost_is_read_or_named(seed: int, tmp_path: Path) -> None:
     path, rng = npz(tmp_path), np.random.default_rng(seed)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mhvedit.errors import CaptureError, MissingLibrary
+from mhvedit.sequences.contents import Contents
 from mhvedit.sequences.raw import RawMesh
 from mhvedit.sequences.read import open_capture
 from mhvedit.sequences.usd import UsdSource
@@ -135,6 +136,46 @@ def test_a_stage_written_anew_is_read_anew_even_while_the_old_one_is_open(tmp_pa
     assert raw(after, 3).vertices.max() == 7
     with pytest.raises(CaptureError, match=r"a.usdc: expected a file that stays as it is while it is open"):
         before.opened(3)
+
+
+def referring(path: Path, to: str) -> Path:
+    made = Usd.Stage.CreateNew(str(path))
+    made.OverridePrim("/body").GetReferences().AddReference(to, "/body")
+    made.Save()
+    return path
+
+
+def test_a_change_of_a_layer_that_is_referred_to_is_noticed(tmp_path: Path) -> None:
+    geometry, path = stage(tmp_path / "geo.usdc"), referring(tmp_path / "a.usda", "./geo.usdc")
+    known = Contents(tmp_path / "contents.json")
+    before = open_capture(path, name="a", cache=tmp_path / "cache", known=known)
+    assert before.files == (path, geometry.resolve()) and before.mesh(3).vertices.max() == 1
+    held = known.of(before.files)
+    os.replace(stage(tmp_path / "b.usdc", lambda _, mesh: put(mesh, TRIANGLE * 7, [[0, 1, 2]], 3)), geometry)
+    after = open_capture(path, name="a", cache=tmp_path / "cache", known=known)
+    assert after.mesh(3).vertices.max() == 7 and known.of(after.files) != held
+    with pytest.raises(CaptureError, match=r"a.usda: expected a file that stays as it is while it is open"):
+        before.mesh(5)
+
+
+def test_value_clips_belong_to_the_stage(tmp_path: Path) -> None:
+    for number in (1, 2):
+        clip = Usd.Stage.CreateNew(str(tmp_path / f"clip.{number:03d}.usdc"))
+        put(UsdGeom.Mesh.Define(clip, "/body/skin"), TRIANGLE * number, [[0, 1, 2]], number)
+        clip.Save()
+    made = Usd.Stage.CreateInMemory()
+    clips = Usd.ClipsAPI(UsdGeom.Mesh.Define(made, "/skin").GetPrim())
+    clips.SetClipPrimPath("/body/skin")
+    clips.SetClipTemplateAssetPath("./clip.###.usdc")
+    clips.SetClipTemplateStartTime(1)
+    clips.SetClipTemplateEndTime(2)
+    clips.SetClipTemplateStride(1)
+    made.GetRootLayer().Export(str(tmp_path / "a.usda"))
+    capture = open_capture(tmp_path / "a.usda", name="a", cache=tmp_path / "cache")
+    assert [file.name for file in capture.files] == ["a.usda", "clip.001.usdc", "clip.002.usdc"]
+    assert not capture.per_frame  # whatever their number
+    for _ in range(2):
+        assert [capture.mesh(n).vertices.max() for n in (1, 2)] == [1, 2]
 
 
 def test_stages_go_to_other_processes(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def make_story(found: ReasonMap, group: SolutionGroup) -> StoryMaker:
         a = StorySide("anna", "hand", (0, 7), 0.0, sweep(1), standing())
         b = StorySide("ben", "hand", (2, 9), np.pi, sweep(-1), standing())
         chosen = int(group.clearance.argmax())
-        return SegmentStory(name, "+&+", a, b, N_FRAMES, found, group, chosen, cost={"moving": 0.01, "turning": 0.002})
+        return SegmentStory(name, "+&+", a, b, N_FRAMES, found, group, chosen)
 
     return make
 
@@ -92,7 +92,7 @@ def content(
     )
     forward = Gaze(np.arange(20), np.tile([0.15, 0.0, 1.6], (20, 1)), np.tile([1.0, 0.0, 0.0], (20, 1)))
     eyes = {name: eyes_in(name, edit, forward) for name, edit in scene.subjects.items()}
-    about = CaptureStory("anna", {"faces": "12"}, "estimated", 0.4, "given", 1.0, ("watertight <everywhere>",))
+    about = CaptureStory("anna", {"faces": "12"}, "estimated", 0.4, "given", ("watertight <everywhere>",))
     return ReportContent(
         "a <b>greeting</b>", (make_story("meet"), empty), scene, captures, check=check, limit_mm=30.0, eyes=eyes,
         centres={name: np.linspace([0.0, 0.0], [0.4, 0.0], 20) for name in captures}, about=(about,),

@@ -8,33 +8,12 @@ from mhvedit.errors import ShapeError
 from mhvedit.scene.edit import EditedScene
 from mhvedit.view.charts import (
     SceneCheck,
-    cost_bars,
     over_time,
     placed_centres,
-    rejections,
     spread_labels,
     trajectories,
 )
 from mhvedit.view.style import figure_picture
-
-
-def test_rejections_has_a_bar_for_each_reason_but_the_window() -> None:
-    figure = rejections({"accepted": 5, "outside the window": 900, "no contact": 1000, "bodies meet": 0})
-    (axes,) = figure.axes
-    assert [text.get_text() for text in axes.get_yticklabels()] == ["accepted", "no contact", "bodies meet"]
-    assert [text.get_text() for text in axes.texts] == ["5", "1,000", "0"]
-    assert "poses" in axes.get_xlabel()
-
-
-def test_cost_bars_stack_to_the_total() -> None:
-    figure = cost_bars({"meet": {"moving": 0.25, "turning": 0.5}, "part": {"moving": 0.1}})
-    bars = [patch for container in figure.axes[0].containers for patch in container]
-    assert max(bar.get_x() + bar.get_width() for bar in bars) == pytest.approx(0.75)
-    assert figure.axes[0].get_xlabel() == "cost, m²"
-
-
-def test_costs_of_nothing_draw() -> None:
-    assert figure_picture(cost_bars({"meet": {"moving": 0.0}})).std() > 0
 
 
 def test_trajectories_show_each_capture_and_the_scene(scene: EditedScene) -> None:

@@ -4,7 +4,7 @@ import pytest
 from mhvedit.errors import MissingLibrary
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.scene.edit import EditedScene
-from mhvedit.sequences.meshes import MeshSequence
+from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view import studio as studio_module
 from mhvedit.view.captions import captioned, ringed, webp_bytes
 from mhvedit.view.renders import (
@@ -19,7 +19,7 @@ from mhvedit.view.renders import (
     without_head,
 )
 from mhvedit.view.stage import FLOOR_SIDE, colours_by_label, floor_picture, voxel_faces
-from mhvedit.view.story_pictures import scene_filmstrip, telling_frames
+from mhvedit.view.story_pictures import scene_filmstrip, spread_frames
 from mhvedit.view.studio import Camera, framing, studio
 from mhvedit.view.style import LABELS, rgb
 from mhvedit.volumes.surface import SurfaceLabel
@@ -43,6 +43,21 @@ def test_a_is_left_of_b_from_the_side_and_from_above() -> None:
             picture = frame_picture(meshes, view=view, plotter=plotter)
             assert picture.shape == (160, 200, 3)
             assert np.argwhere(blue(picture))[:, 1].max() < np.argwhere(orange(picture))[:, 1].min()
+
+
+@pytest.mark.parametrize("view", View)
+def test_far_from_the_origin_pictures_are_as_near_it(view: View) -> None:
+    away = np.array([500000.0, -300000.0, 0.0])
+    near = {"anna": person(-0.5), "ben": person(0.5)}
+    far = {name: Mesh(mesh.vertices + away, mesh.faces) for name, mesh in near.items()}
+    prop = box((0.0, -1.0, 0.0), (0.3, -0.8, 0.4))
+    moved = Mesh(prop.vertices + away, prop.faces)
+    with studio(*SIZE) as plotter:
+        pictures = [frame_picture(m, props=[p], view=view, plotter=plotter) for m, p in ((near, prop), (far, moved))]
+        eye, ahead = np.array([-0.5, 0.0, 1.6]), np.array([1.0, 0.0, -0.1])
+        seen = [first_person(m, e, ahead, plotter=plotter) for m, e in ((near, eye), (far, eye + away))]
+    for one, other in (pictures, seen):
+        assert (np.abs(one.astype(int) - other).max(2) > 8).mean() < 0.002
 
 
 def test_the_one_in_front_hides_the_other() -> None:
@@ -164,7 +179,7 @@ def test_a_filmstrip_is_one_row_at_one_scale() -> None:
 
 
 def test_the_scene_in_a_row_shows_telling_moments(scene: EditedScene, captures: dict[str, MeshSequence]) -> None:
-    frames = telling_frames(scene, 4)
+    frames = spread_frames(scene, 4)
     assert len(frames) == len(set(frames)) == 4
     assert set(frames) & {2, 9, 11, 18}
     assert scene_filmstrip(scene, captures, 3).ndim == 3

@@ -136,7 +136,6 @@ def test_the_frame_shown_is_the_type_s_own_moment(content: ReportContent) -> Non
     assert shown_frame(content, story) == story.n_frames - 1
     assert shown_frame(content, replace(story, interaction="-&-")) == 0
     assert shown_frame(content, replace(story, interaction="0&0b")) == 5  # frame 7 of the scene, where they touch
-    assert shown_frame(content, replace(story, shown=3)) == 3
 
 
 def test_the_verdict_says_where(content: ReportContent) -> None:

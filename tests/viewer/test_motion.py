@@ -14,7 +14,7 @@ from mhvedit.errors import CaptureError
 from mhvedit.geometry.arrays import BoolArray, ByteArray
 from mhvedit.pipeline.avoid import AvoidOptions, AvoidOutcome, run_avoid
 from mhvedit.pipeline.folders import is_motion_folder
-from mhvedit.pipeline.posture_file import POSTURES, Take, posed, read_postures, write_postures
+from mhvedit.pipeline.posture_file import POSTURES, Take, posed, postures_of, read_postures, write_postures
 from mhvedit.skeleton.bvh_motion import bvh_of, write_bvh_motion
 from mhvedit.skeleton.model import Motion
 from mhvedit.skeleton.skin import posed_vertices
@@ -70,6 +70,25 @@ def test_a_folder_shows_what_was_found(avoided: tuple[Path, AvoidOutcome], motio
     assert deep == {body.limbs.names[limb] for limb in body.pairs.limbs[pair]}
     owner = body.body.weights[postures.faces].sum(1).argmax(1)
     assert [body.body.skeleton.names[joint] for joint in owner] == postures.limb_names[postures.limb].tolist()
+
+
+def test_a_motion_far_from_the_origin_is_shown_as_near_it(
+    avoided: tuple[Path, AvoidOutcome], motion: MotionState
+) -> None:
+    found = avoided[1].found
+    away = np.zeros(found.problem.captured.q.shape[1])
+    away[:2] = 500000.0, -300000.0
+    captured = replace(found.problem.captured, q=found.problem.captured.q + away)
+    edited = replace(found.avoided.motion, q=found.avoided.motion.q + away)
+    far = replace(
+        found, problem=replace(found.problem, captured=captured), avoided=replace(found.avoided, motion=edited)
+    )
+    there, near = postures_of(far), motion.material.postures
+    moved = posed(there, Take.CAPTURED, 0)[0] - posed(near, Take.CAPTURED, 0)[0]
+    assert np.abs(moved - np.round(moved)).max() < 1e-6 and np.abs(moved).max() < 5
+    for take in Take:
+        for frame in (0, motion.frame):
+            assert posed(there, take, frame) - moved == pytest.approx(posed(near, take, frame), abs=1e-6)
 
 
 def test_words_tell_limbs_and_depth(avoided: tuple[Path, AvoidOutcome], motion: MotionState) -> None:

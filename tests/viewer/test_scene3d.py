@@ -6,7 +6,8 @@ import pytest
 
 from mhvedit import api
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray
-from mhvedit.geometry.planar import apply_pose
+from mhvedit.geometry.planar import apply_pose, compose
+from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.scene.edit import PropEdit
 from mhvedit.sequences.meshes import Mesh, MeshSequence
 from mhvedit.view.renders import Colouring
@@ -149,6 +150,68 @@ def test_volumes_are_coloured_by_time_or_by_label(scene: Scene3D, state: ViewerS
     yellow = (times[..., 0].astype(int) - times[..., 2] > 60) & (times[..., 1].astype(int) - times[..., 2] > 60)
     green = (labels[..., 1].astype(int) - labels[..., 0] > 40) & (labels[..., 1] > labels[..., 2])
     assert yellow.sum() > 30 and green.sum() > 30
+
+
+@pytest.mark.parametrize("camera", CameraPreset)
+def test_far_from_the_origin_all_is_seen_as_near_it(
+    scene: Scene3D, state: ViewerState, result: api.Result, camera: CameraPreset
+) -> None:
+    sides = result.segment("raise").volumes()
+    volumes = part_of(sides[0], "hand"), part_of(sides[1], "hand")
+    near = replace(looked_at_row(with_table(walking(state)), 40), layers=frozenset(Layer), camera=camera)
+    far = carried(near, np.array([500000.0, -300000.0, 0.0]))
+    pictures = []
+    for now in (near, far, near):
+        scene.frames.clear()
+        pictures.append(scene_picture(scene, now, volumes))
+    seen, there, again = pictures
+    assert not scene.origin.any() and (blue(seen).any() or orange(seen).any())
+    for other in (there, again):
+        assert (np.abs(seen.astype(int) - other).max(2) > 8).mean() < 0.002
+
+
+def with_table(state: ViewerState) -> ViewerState:
+    """A thing that stands beside them."""
+    n = state.material.n_frames
+    mesh = Mesh(np.array([(0, 0, 0), (0.4, 0, 0.4), (0, 0.4, 0.4)], np.float64), np.array([(0, 1, 2)], np.int32))
+    turn = np.array([0.0, 0.0, 0.6, 0.8])
+    edit = PropEdit("t.obj", "fixed", np.zeros(n, np.int64), np.tile([0.4, 0.9, 0.0], (n, 1)), np.tile(turn, (n, 1)))
+    prop = SetPiece(MeshSequence("table", (0,), 30.0, lambda number: mesh), edit)
+    return replace(state, material=replace(state.material, props={"table": prop}))
+
+
+def carried(state: ViewerState, away: FloatArray) -> ViewerState:
+    """All captures, and the scene, elsewhere; (3,) m."""
+
+    def moved(sequence: MeshSequence) -> MeshSequence:
+        def load(number: int) -> Mesh:
+            mesh = sequence.load(number)
+            return Mesh(mesh.vertices + away, mesh.faces, mesh.labels)
+
+        return replace(sequence, load=load)
+
+    material, back = state.material, -away
+    cast = {
+        name: replace(
+            actor,
+            sequence=moved(actor.sequence),
+            things=tuple(moved(thing) for thing in actor.things),
+            gaze=replace(actor.gaze, eye=actor.gaze.eye + away),
+            centres=actor.centres + away[:2],
+        )
+        for name, actor in material.cast.items()
+    }
+    tracks = {
+        name: replace(track, placements=compose(track.placements, back) + away)
+        for name, track in material.tracks.items()
+    }
+    props = {}
+    for name, prop in material.props.items():
+        turned = rotation_matrices(prop.edit.rotations) @ away
+        edit = replace(prop.edit, positions=prop.edit.positions - turned + away)
+        props[name] = SetPiece(moved(prop.sequence), edit)
+    segments = tuple(replace(view, frames=(view.frames[0] + away, view.frames[1] + away)) for view in material.segments)
+    return replace(state, material=replace(material, cast=cast, tracks=tracks, segments=segments, props=props))
 
 
 def test_a_capture_that_is_not_there_is_not_drawn(scene: Scene3D, state: ViewerState) -> None:

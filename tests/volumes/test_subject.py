@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 from mhvedit.constraints.fidelity import Depth
 from mhvedit.geometry.planar import apply_pose, compose
 from mhvedit.sequences.canonical import capture_from_canonical
-from mhvedit.sequences.meshes import JointTracks, Mesh, MeshSequence
+from mhvedit.sequences.meshes import BODY, JointTracks, Mesh, MeshSequence
 from mhvedit.volumes.history import MotionHistoryVolume, Volume
 from mhvedit.volumes.parts import InBox, NearTrack, OwnMesh, Part, WholeBody
 from mhvedit.volumes.subject import (
-    BODY,
     SubjectVolumes,
     all_of,
     deep_all_of,

@@ -16,13 +16,10 @@ from mhvedit.sequences.meshes import Mesh
 from mhvedit.volumes.voxelise import SNAP, ray_votes, solid_voxels
 from tests import oracles
 from tests.oracles import Voxel
+from tests.shapes import mesh_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 SOME = settings(max_examples=12, derandomize=True)
-
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    return Mesh(np.asarray(shape.vertices, np.float64), np.asarray(shape.faces, np.int32))
 
 
 def voxels(mesh: Mesh, pitch: float) -> set[Voxel]:

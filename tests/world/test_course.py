@@ -28,7 +28,7 @@ def figure(skeleton: Skeleton) -> Figure:
     bones = (capsule(np.zeros(3), np.array([LENGTH, 0.0, 0.0]), RADIUS),) * 2
     nothing = np.zeros((2, 2), np.bool_)
     effort = np.ones(skeleton.n_dofs)
-    return Figure(skeleton, bones, np.array([1, 2]), np.full(3, -1), (), nothing, effort, (), "human")
+    return Figure(skeleton, bones, np.array([1, 2]), np.full(3, -1), nothing, effort, (), "human")
 
 
 def moments(tracked: FloatArray, low: float, high: float) -> list[Moment]:
