@@ -251,10 +251,12 @@ def _capture_warnings(spec: SubjectSpec, subject: Subject, store: Store) -> list
             most=MEASURED_FRAMES,
             cache=cache,
         )
-        named = [str(file) for file in (*summary.textures, *summary.missing_textures)]
-        there = np.arange(len(named)) < len(summary.textures)
-        sentences = np.array(capture_warnings(summary), np.str_)
-        return {"sentences": sentences, "named": np.array(named, np.str_), "there": there}
+        sentences, named = capture_warnings(summary), (*summary.textures, *summary.missing_textures)
+        return {
+            "sentences": np.array(sentences, np.str_),
+            "named": np.array([str(file) for file in named], np.str_),
+            "there": np.array([file.is_file() for file in named], np.bool_),  # not those within a mesh file
+        }
 
     signature = capture_signature(subject.sequence, store.contents, units=spec.units, up=spec.up)
     key = ("warnings", WARNINGS, spec.name, signature, spec.fps, _beside(spec))
