@@ -59,5 +59,5 @@ def test_a_hand_stops_at_a_wall(
     module = example("world_touch")
     monkeypatch.setattr(module, "SHOWN", (7,))
     module.main(tmp_path, last=44)
-    assert "anna: left arm stopped at wall in frames 5-8, " in capsys.readouterr().out
+    assert "anna: left arm stopped at wall in frames 5 to 8, " in capsys.readouterr().out
     assert (tmp_path / "touch.webp").exists() and (tmp_path / "edited" / "touched" / "anna.npz").exists()
