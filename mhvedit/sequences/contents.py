@@ -11,6 +11,7 @@ from typing import Final
 from mhvedit.files import replacing
 
 SETTLED: Final = 2_000_000_000  # ns; a file that changed so recently may change again without another time of change
+LARGE: Final = 1 << 26  # bytes; larger files are hashed piece by piece
 Stamp = tuple[int, int, int, int]  # size, times of change of content and of the file (ns), inode
 
 
@@ -42,7 +43,7 @@ class Contents:
             self.fresh.clear()
 
     def hash_of(self, file: Path) -> tuple[str, bytes | None]:
-        """The hash of one file, and its content if it was read for that.
+        """The hash of one file, and its content if it was read for that, as that of a small one is.
 
         Raises:
             OSError: it cannot be read.
@@ -51,8 +52,8 @@ class Contents:
         place = str(file.absolute())
         known, data = self.known.get(place), None
         if known is None or known[0] != stamp:
-            data = file.read_bytes()
-            known = stamp, hash_of_bytes(data)
+            data = None if stamp[0] > LARGE else file.read_bytes()
+            known = stamp, _hash_in_pieces(file) if data is None else hash_of_bytes(data)
             if time.time_ns() - max(stamp[1:3]) > SETTLED:
                 self.known[place] = known
                 self.fresh.add(place)
@@ -81,6 +82,12 @@ def contents(memory: Path | None) -> Contents:
 def hash_of_bytes(data: bytes) -> str:
     """The hash of a file that holds these bytes."""
     return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def _hash_in_pieces(file: Path) -> str:
+    """The same of a file that is never whole in memory."""
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
 def _stamp(size: int, mtime: int, ctime: int, inode: int) -> Stamp:

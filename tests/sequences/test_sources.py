@@ -84,6 +84,15 @@ def test_a_file_of_just_now_is_hashed_every_time(tmp_path: Path) -> None:
     assert [source.opened(1)[1][1] for _ in range(2)] == [TRIANGLE.encode()] * 2
 
 
+def test_a_large_file_has_the_same_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = FolderSource(folder(tmp_path, "a_1.obj"))
+    small, _ = source.opened(1)
+    monkeypatch.setattr("mhvedit.sequences.contents.LARGE", 4)
+    large, opened = source.opened(1)
+    assert large == small and opened[1] is None
+    assert len(source.parsed(1, opened).faces) == 1
+
+
 def test_a_change_between_looking_and_reading_is_not_taken_for_the_old_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
