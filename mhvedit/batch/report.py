@@ -9,7 +9,8 @@ from typing import Any, Final
 from mhvedit.batch.tasks import BAD, DONE, NO, SceneDone
 from mhvedit.errors import counted
 from mhvedit.files import replacing
-from mhvedit.pipeline.output import PAGE, write_json
+from mhvedit.pipeline.folders import PAGE
+from mhvedit.pipeline.output import write_json
 
 SUMMARY, INDEX = "summary.json", "index.html"
 HEADER: Final = ("scene", "verdict", "frames", "cost m²", "deepest mm", "seconds", "")

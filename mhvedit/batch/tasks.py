@@ -10,9 +10,10 @@ from typing import Any, Final
 from mhvedit.batch.records import record
 from mhvedit.batch.variants import variant_scenes
 from mhvedit.errors import MhveditError, OutputBusy
+from mhvedit.pipeline.folders import EDIT, PAGE, REPORT, SOURCE
 from mhvedit.pipeline.job import Job, load
 from mhvedit.pipeline.misses import explain_empty
-from mhvedit.pipeline.output import CACHE, EDIT, PAGE, REPORT, SOURCE, solutions_path
+from mhvedit.pipeline.output import CACHE, solutions_path
 from mhvedit.pipeline.people import meet_people
 from mhvedit.pipeline.run import Outcome, run_scene
 from mhvedit.pipeline.segments import solve_segment

@@ -6,7 +6,7 @@ import numpy as np
 
 from mhvedit.export.content import ExportScene, Piece
 from mhvedit.geometry.arrays import FloatArray
-from mhvedit.geometry.offsets import FAR, middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import FAR, middle_in_plan, offset_of, round_offset, without_offset
 from mhvedit.geometry.planar import compose
 from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.scene.edit import EditedScene, PropEdit, SubjectEdit
@@ -59,7 +59,7 @@ def is_far(scene: ExportScene) -> bool:
 
 def scene_offset(scene: ExportScene) -> FloatArray:
     """(2,) whole metres to take off the world's coordinates where they have to be float32; nothing near the origin."""
-    return round_offset(middle_in_plan(stands(scene)))
+    return offset_of(stands(scene))
 
 
 def shift_warning(name: str, offset: FloatArray) -> tuple[str, ...]:

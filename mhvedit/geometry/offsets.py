@@ -27,6 +27,11 @@ def round_offset(place: FloatArray) -> FloatArray:
     return np.asarray(np.round(place) + 0.0) if np.hypot(*place) > FAR else np.zeros(2)
 
 
+def offset_of(points: FloatArray) -> FloatArray:
+    """(2,) whole metres to take off (N, 2 or 3) points, m; nothing near the origin."""
+    return round_offset(middle_in_plan(points))
+
+
 def without_offset(points: FloatArray, offset: FloatArray) -> FloatArray:
     """Points with an offset taken off in plan.
 

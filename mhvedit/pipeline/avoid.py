@@ -31,7 +31,7 @@ from mhvedit.pipeline.posture_file import POSTURES, postures_of, write_postures
 from mhvedit.pipeline.progress import Progress, silent
 from mhvedit.sequences.formats import parse_mesh
 from mhvedit.skeleton.limits import said_beyond_limits
-from mhvedit.skeleton.model import Motion
+from mhvedit.skeleton.model import Motion, joint_index
 from mhvedit.skeleton.skin import SkinnedBody
 from mhvedit.view.postures import write_posture_report
 
@@ -101,8 +101,7 @@ def run_avoid(
         warn(doubt)
     body = _with_equipment(opened.body, options.attached)
     for name in options.frozen:
-        if name not in body.skeleton.names:
-            raise ShapeError("--freeze", repr(name), "one of " + ", ".join(body.skeleton.names))
+        joint_index(body.skeleton, name, asked="--freeze")
     problem, ready = avoidance_problem(
         body, opened.motion, frozen=options.frozen, nearest=opened.nearest, workers=options.workers
     )

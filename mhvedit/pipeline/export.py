@@ -16,9 +16,8 @@ from mhvedit.export.target import ExportError, Format, check_free, format_of
 from mhvedit.export.usd_edit import write_usd_edit
 from mhvedit.export.usd_flat import write_flat_usd
 from mhvedit.geometry.arrays import ByteArray
-from mhvedit.pipeline.folders import check_answered
+from mhvedit.pipeline.folders import EDIT, check_answered
 from mhvedit.pipeline.job import Job
-from mhvedit.pipeline.output import EDIT
 from mhvedit.pipeline.people import meet_people
 from mhvedit.pipeline.progress import silent
 from mhvedit.pipeline.run import job_of

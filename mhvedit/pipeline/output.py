@@ -16,8 +16,7 @@ import numpy as np
 from mhvedit.errors import CaptureError, MhveditError, OutputBusy
 from mhvedit.files import Column, replacing, write_arrays
 from mhvedit.geometry.planar import invert
-from mhvedit.pipeline import folders
-from mhvedit.pipeline.folders import Owner, check_owner
+from mhvedit.pipeline.folders import EDIT, PAGE, REPORT, SOURCE, Owner, check_owner
 from mhvedit.pipeline.job import Result
 from mhvedit.pipeline.props_pass import entered
 from mhvedit.pipeline.segments import SolvedSegment
@@ -26,9 +25,7 @@ from mhvedit.scene.edit import TOUCHED, EditedScene, edit_as_dict, touched_path
 from mhvedit.scene.report import SceneReport, report_as_dict
 from mhvedit.search.listing import listed, reasons_listed, rounded
 
-EDIT, SOLUTIONS, REPORT, PAGE, CACHE, SOURCE = (
-    folders.EDIT, "solutions", folders.REPORT, folders.PAGE, ".cache", folders.SOURCE,
-)  # fmt: skip
+SOLUTIONS, CACHE = "solutions", ".cache"
 UNCHECKED = "the edit has not been checked on the meshes yet: `mhvedit check` does it"
 STAGED = ".new"  # files of an answer while it is being written
 

@@ -13,7 +13,7 @@ from mhvedit.collision.detect import TOLERANCE, CollisionBody, Depths
 from mhvedit.errors import CaptureError, ShapeError
 from mhvedit.files import UNREADABLE, found_instead, load_npz, write_arrays
 from mhvedit.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import offset_of, without_offset
 from mhvedit.pipeline.avoid_report import Findings
 from mhvedit.skeleton.forward import joint_frames
 from mhvedit.skeleton.skin import skin_into, sparse_weights
@@ -86,7 +86,7 @@ def postures_of(found: Findings) -> Postures:
     body, captured, edited = found.body, found.problem.captured, found.avoided.motion
     frames = [joint_frames(body.body.skeleton, motion.q) for motion in (captured, edited)]
     positions = np.stack([positions for _, positions in frames])
-    offset = round_offset(middle_in_plan(positions[Take.CAPTURED, 0]))
+    offset = offset_of(positions[Take.CAPTURED, 0])
     limb = np.empty(len(body.body.faces), np.int64)
     limb[body.limbs.face_ids] = np.repeat(np.arange(body.limbs.n_limbs), np.diff(body.limbs.arrays.face_start))
     return Postures(

@@ -13,16 +13,12 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError
-from mhvedit.pipeline.folders import check_answered
+from mhvedit.pipeline.folders import EDIT, PAGE, REPORT, SOURCE, check_answered
 from mhvedit.pipeline.job import Job, Result, load, solve
 from mhvedit.pipeline.kept import cache_limit, trim
 from mhvedit.pipeline.measure import measure_scene
 from mhvedit.pipeline.output import (
     CACHE,
-    EDIT,
-    PAGE,
-    REPORT,
-    SOURCE,
     Staging,
     claimed,
     result_as_dict,

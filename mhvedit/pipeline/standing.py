@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mhvedit.pipeline.output import CACHE, EDIT, SOURCE, solutions_path, write_json
+from mhvedit.pipeline.folders import EDIT, SOURCE
+from mhvedit.pipeline.output import CACHE, solutions_path, write_json
 
 LEDGER = f"{CACHE}/finished.json"
 Stamp = list[int]  # size and time of change

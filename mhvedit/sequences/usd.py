@@ -41,9 +41,12 @@ class UsdSource:
     def __init__(self, path: Path, known: Contents | None = None) -> None:
         """Open the stage; `known`: hashes that are remembered."""
         self._path, self._lock = path, threading.Lock()
-        self.files = stage_files(path)
         with _readable(path):
+            layers = _layers_of(path)  # held on to, or the stage would read them once more
+            self.files = _files_of(path, layers)
             self._held = HeldOpen(path, self.files, known)
+            for layer in layers:
+                layer.Reload()  # what something else holds open is shared, as it was when that was opened
             self._stage, self._meshes = _opened_stage(path)
             times = sorted(set[float]().union(*(_sample_times(mesh) for mesh in self._meshes)))
             authored = self._stage.HasAuthoredMetadata("timeCodesPerSecond")
@@ -111,21 +114,27 @@ def _in_words(error: Exception) -> str:
 def stage_files(path: Path) -> tuple[Path, ...]:
     """All files that a stage is read from: its own, and those of layers, references, payloads and value clips.
 
-    Layers that something else holds open are shared, as they were when that was opened: they are read anew.
-
     Raises:
         CaptureError: it is no stage.
         MissingLibrary: usd-core is not installed.
     """
+    with _readable(path):
+        return _files_of(path, _layers_of(path))
+
+
+def _layers_of(path: Path) -> list[Any]:
+    """All layers of a stage, open."""
     _pxr()
     from pxr import UsdUtils
 
-    with _readable(path):
-        unheard = UsdUtils.CoalescingDiagnosticDelegate()  # of warnings: names of clips that are templates
-        layers, _, _ = UsdUtils.ComputeAllDependencies(str(path))
-        del unheard
-        for layer in layers:
-            layer.Reload()
+    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # of warnings: names of clips that are templates
+    layers, _, _ = UsdUtils.ComputeAllDependencies(str(path))
+    del unheard
+    return list(layers)
+
+
+def _files_of(path: Path, layers: list[Any]) -> tuple[Path, ...]:
+    """The file of a stage, and those of its other layers."""
     places = {Path(layer.realPath.split("[")[0]).resolve() for layer in layers if layer.realPath}  # or their .usdz
     return (path, *sorted(places - {path.resolve()}))
 

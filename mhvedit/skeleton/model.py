@@ -106,14 +106,19 @@ class Motion:
         return len(self.q)
 
 
-def joint_index(skeleton: Skeleton, name: str) -> int:
+def joint_index(skeleton: Skeleton, name: str, *, asked: str = "joint") -> int:
     """Which joint has a name.
+
+    Args:
+        skeleton: to look in.
+        name: of the joint.
+        asked: what the name was given for, as it is told.
 
     Raises:
         ShapeError: none has; the message lists those that there are.
     """
     if name not in skeleton.names:
-        raise ShapeError("joint", repr(name), "one of " + ", ".join(skeleton.names))
+        raise ShapeError(asked, repr(name), "one of " + ", ".join(skeleton.names))
     return skeleton.names.index(name)
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mhvedit.errors import MissingLibrary, counted
 from mhvedit.files import replacing
 from mhvedit.geometry.arrays import BoolArray, ByteArray, FloatArray, Int32Array
-from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import offset_of, without_offset
 from mhvedit.sequences.meshes import Mesh
 from mhvedit.view import markup
 from mhvedit.view.stage import add_floor, add_person
@@ -159,7 +159,7 @@ def _body(
 ) -> ByteArray:
     """One picture."""
     empty_stage(plotter)
-    vertices = without_offset(vertices, round_offset(middle_in_plan(vertices)))
+    vertices = without_offset(vertices, offset_of(vertices))
     middle = vertices.mean(0) * np.array([1.0, 1.0, 0.0])
     add_floor(plotter, middle[:2], [vertices])
     add_person(plotter, Mesh(vertices, story.faces[~coloured]), SUBJECTS[0])

@@ -9,7 +9,7 @@ import pyvista
 from skimage.measure import marching_cubes
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
-from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import offset_of, without_offset
 from mhvedit.geometry.planar import apply_pose
 from mhvedit.scene.edit import EditedScene, placed_mesh, placed_prop
 from mhvedit.sequences.meshes import Mesh, MeshSequence, joined
@@ -303,7 +303,7 @@ def _on(plotter: pyvista.Plotter | None, size: Size) -> Iterator[pyvista.Plotter
 def _set_stage(stage: pyvista.Plotter, meshes: Mapping[str, Mesh], props: Sequence[Mesh] = ()) -> FloatArray:
     """Put everything on the stage, without a round offset where it is far from the origin; returns that, (3,) m."""
     empty_stage(stage)
-    offset = round_offset(middle_in_plan(np.concatenate([mesh.vertices for mesh in meshes.values()])))
+    offset = offset_of(np.concatenate([mesh.vertices for mesh in meshes.values()]))
     people, things = [_without(mesh, offset) for mesh in meshes.values()], [_without(mesh, offset) for mesh in props]
     colours = subject_colours(list(meshes))
     for name, mesh in zip(meshes, people, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mhvedit.geometry.arrays import FloatArray, Int32Array
-from mhvedit.geometry.offsets import middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import offset_of, without_offset
 from mhvedit.sequences.meshes import joined
 from mhvedit.view.stage import vertex_normals
 from mhvedit.viewer.material import Actor
@@ -77,6 +77,6 @@ def read_frame(actor: Actor, number: int) -> DrawnFrame:
     held = [thing.mesh(number) for thing in actor.things if number in thing.numbers]
     mesh = joined([actor.sequence.mesh(number), *held])
     faces = np.ascontiguousarray(mesh.faces, np.int32)
-    offset = round_offset(middle_in_plan(mesh.vertices))
+    offset = offset_of(mesh.vertices)
     points, normals = without_offset(mesh.vertices, offset), vertex_normals(mesh.vertices, faces)
     return DrawnFrame(points.astype(np.float32), normals.astype(np.float32), faces, offset)

@@ -13,8 +13,9 @@ from mhvedit.errors import CaptureError, MhveditError, SceneError
 from mhvedit.files import UNREADABLE, load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import wrap_angle
+from mhvedit.pipeline.folders import EDIT, REPORT, SOURCE
 from mhvedit.pipeline.job import Job, load
-from mhvedit.pipeline.output import CACHE, EDIT, REPORT, SOURCE, solutions_path
+from mhvedit.pipeline.output import CACHE, solutions_path
 from mhvedit.pipeline.people import Person, meet_people
 from mhvedit.pipeline.run import job_of
 from mhvedit.pipeline.shown import shown_people

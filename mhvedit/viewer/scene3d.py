@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonCore import VTK_INT
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from mhvedit.geometry.arrays import ByteArray, FloatArray
-from mhvedit.geometry.offsets import FAR, middle_in_plan, round_offset, without_offset
+from mhvedit.geometry.offsets import FAR, middle_in_plan, offset_of, round_offset, without_offset
 from mhvedit.geometry.planar import apply_pose, compose, rotation
 from mhvedit.geometry.quaternions import rotation_matrices
 from mhvedit.sequences.meshes import Mesh
@@ -95,12 +95,15 @@ class Scene3D:
             aspect: width of the picture over its height.
         """
         self._settle(state)
-        set_camera(self.plotter, camera_for(self, state, aspect=aspect).moved(-np.array([*self.origin, 0.0])))
+        self._turn_camera(state, aspect)
 
     def follow(self, state: ViewerState) -> None:
         """Move a camera that looks through somebody's eyes along with them; others stay."""
         if _own_eyes(state) is not None:
-            set_camera(self.plotter, camera_for(self, state, aspect=1.0).moved(-np.array([*self.origin, 0.0])))
+            self._turn_camera(state, 1.0)
+
+    def _turn_camera(self, state: ViewerState, aspect: float) -> None:
+        set_camera(self.plotter, camera_for(self, state, aspect=aspect).moved(-np.array([*self.origin, 0.0])))
 
     def _settle(self, state: ViewerState) -> None:
         """Move the stage's origin along with a scene that is far from it: graphics are float32."""
@@ -154,7 +157,7 @@ class Scene3D:
             key, number = f"{PROP}{name}", int(prop.edit.frames[state.frame])
             if not self._is_drawn(key, (prop.sequence, number)):
                 mesh = prop.sequence.mesh(number)
-                self.prop_offsets[key] = round_offset(middle_in_plan(mesh.vertices))
+                self.prop_offsets[key] = offset_of(mesh.vertices)
                 add_prop(self.plotter, Mesh(without_offset(mesh.vertices, self.prop_offsets[key]), mesh.faces), key)
             pose = np.eye(4)
             pose[:3, :3] = rotation_matrices(prop.edit.rotations[state.frame])
@@ -371,8 +374,7 @@ def middle_of(state: ViewerState) -> FloatArray:
     ]
     if not paths:
         return np.zeros(2)
-    points = np.concatenate(paths)
-    return np.asarray((points.min(0) + points.max(0)) / 2)
+    return middle_in_plan(np.concatenate(paths))
 
 
 def _own_eyes(state: ViewerState) -> str | None:
