@@ -36,9 +36,23 @@ def report_in(folder: Path) -> Mapping[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
+def noted_scene(folder: Path) -> Path | None:
+    """The scene file that `mhvedit solve` noted, as it is told, without detours; None where that cannot be read."""
+    try:
+        told: str = json.loads((folder / SOURCE).read_text())["scene"]
+        return (folder / told).resolve()
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def is_of_motion(report: Mapping[str, Any]) -> bool:
+    """Whether a report is one of `mhvedit avoid`."""
+    return set(report) >= AVOIDED
+
+
 def is_motion_folder(folder: Path) -> bool:
     """Whether `mhvedit avoid` wrote a folder."""
-    return set(report_in(folder)) >= AVOIDED
+    return is_of_motion(report_in(folder))
 
 
 def check_answered(folder: Path, *, to_be: str) -> None:
@@ -54,11 +68,11 @@ def check_answered(folder: Path, *, to_be: str) -> None:
     """
     if (folder / EDIT).is_file():
         return
-    if is_motion_folder(folder):
+    report = report_in(folder)
+    if is_of_motion(report):
         raise CaptureError(
             folder, f"an output folder of {Owner.SOLVE}", f"one of {Owner.AVOID}; only scenes are {to_be}"
         )
-    report = report_in(folder)
     if report.get("solved") is False:
         told_in = PAGE if (folder / PAGE).is_file() else REPORT
         raise NoAnswer(folder, str(report.get("failure") or "nothing fits"), told_in)

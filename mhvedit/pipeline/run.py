@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mhvedit.errors import CaptureError
-from mhvedit.pipeline.folders import EDIT, PAGE, REPORT, SOURCE, check_answered
+from mhvedit.pipeline.folders import EDIT, PAGE, REPORT, SOURCE, check_answered, noted_scene
 from mhvedit.pipeline.job import Job, Result, load, solve
 from mhvedit.pipeline.kept import cache_limit, trim
 from mhvedit.pipeline.measure import measure_scene
@@ -327,8 +327,7 @@ def job_of(out: Path, *, workers: int = 2) -> Job:
     Raises:
         CaptureError: the folder does not say.
     """
-    try:
-        scene = (out / json.loads((out / SOURCE).read_text())["scene"]).resolve()  # as it is told, without detours
-    except (OSError, ValueError, KeyError, TypeError) as fault:
-        raise CaptureError(out / SOURCE, "the scene file that `mhvedit solve` noted", "nothing readable") from fault
+    scene = noted_scene(out)
+    if scene is None:
+        raise CaptureError(out / SOURCE, "the scene file that `mhvedit solve` noted", "nothing readable")
     return load(scene, cache=out / CACHE, workers=workers)

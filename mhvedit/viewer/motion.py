@@ -11,7 +11,7 @@ import numpy as np
 
 from mhvedit.errors import CaptureError, counted
 from mhvedit.geometry.arrays import IntArray
-from mhvedit.pipeline.folders import AVOIDED, REPORT, report_in
+from mhvedit.pipeline.folders import REPORT, is_of_motion, report_in
 from mhvedit.pipeline.posture_file import POSTURES, Postures, Take, read_postures
 from mhvedit.viewer import state as playing
 
@@ -77,7 +77,7 @@ def open_motion_folder(out: Path) -> MotionMaterial:
         CaptureError: it is none, its postures are not there, or they are not those that its report is on.
     """
     report = report_in(out)
-    if not set(report) >= AVOIDED:
+    if not is_of_motion(report):
         raise CaptureError(out, "an output folder of `mhvedit avoid`", f"no {REPORT} of it")
     postures = read_postures(out / POSTURES)
     if report.get("frames") != postures.n_frames:

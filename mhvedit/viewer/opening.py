@@ -13,7 +13,7 @@ from mhvedit.errors import CaptureError, MhveditError, SceneError
 from mhvedit.files import UNREADABLE, load_npz
 from mhvedit.geometry.arrays import FloatArray
 from mhvedit.geometry.planar import wrap_angle
-from mhvedit.pipeline.folders import EDIT, REPORT, SOURCE
+from mhvedit.pipeline.folders import EDIT, REPORT, SOURCE, noted_scene
 from mhvedit.pipeline.job import Job, load
 from mhvedit.pipeline.output import CACHE, solutions_path
 from mhvedit.pipeline.people import Person, meet_people
@@ -96,12 +96,10 @@ def _open_output(out: Path) -> Opened:
 
 def _source_of(out: Path) -> Path:
     """The scene file that an output folder was made from."""
-    try:
-        return (out / str(json.loads((out / SOURCE).read_text())["scene"])).resolve()
-    except (OSError, ValueError, KeyError, TypeError) as fault:
-        raise CaptureError(
-            out, "an output folder of `mhvedit solve` or `mhvedit avoid`", f"no readable {SOURCE}"
-        ) from fault
+    found = noted_scene(out)
+    if found is None:
+        raise CaptureError(out, "an output folder of `mhvedit solve` or `mhvedit avoid`", f"no readable {SOURCE}")
+    return found
 
 
 def _open_rest(source: Path, out: Path | None, fault: MhveditError) -> Opened:
